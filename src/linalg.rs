@@ -1,0 +1,169 @@
+//! The few dense factorisations that identification needs, on faer.
+//!
+//! Nothing here forms `J'J`. Everything runs on one thread: tall, narrow matrices gain nothing from more.
+
+use crate::problem::Compressed;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::qr::no_pivoting::factor;
+use faer::prelude::ReborrowMut;
+use faer::{Mat, MatMut, MatRef, Par};
+
+/// Rows taken into one QR factorisation; a multiple of it keeps the working set in cache.
+const BLOCK_ROWS: usize = 2048;
+
+/// Triangularises `[a]` (m x n) in place by Householder reflections and returns `R`, min(m, n) x n.
+pub fn upper_factor(mut a: MatMut<'_, f64>) -> Mat<f64> {
+    let (m, n) = (a.nrows(), a.ncols());
+    let k = m.min(n);
+    if k > 0 {
+        let block = if n < 64 { 8 } else { 32 }.min(k);
+        let mut h = Mat::zeros(block, k);
+        let scratch = factor::qr_in_place_scratch::<f64>(m, n, block, Par::Seq, Default::default());
+        let mut buffer = MemBuffer::new(scratch);
+        factor::qr_in_place(a.rb_mut(), h.as_mut(), Par::Seq, MemStack::new(&mut buffer), Default::default());
+    }
+    Mat::from_fn(k, n, |i, j| if i <= j { a[(i, j)] } else { 0.0 })
+}
+
+/// Streams rows of `[J r]` into the triangular factor, so that memory does not grow with their number.
+///
+/// Blocks are reduced in the order in which they come: the result depends on nothing else.
+pub struct RowStream {
+    /// `[J r]` of the rows not yet reduced, below the factor of those that are.
+    rows: Mat<f64>,
+    filled: usize,
+    square: f64,
+}
+
+impl RowStream {
+    /// A stream for n columns and `expected` rows in all.
+    pub fn new(columns: usize, expected: usize) -> Self {
+        let capacity = expected.min(columns + 1 + BLOCK_ROWS).max(1);
+        Self { rows: Mat::zeros(capacity, columns + 1), filled: 0, square: 0.0 }
+    }
+
+    /// The next `count` rows to be written, columns `0..n` for `J` and column n for `r`; zero at first.
+    ///
+    /// `count` must not exceed the 2048 rows of a block.
+    pub fn next(&mut self, count: usize) -> MatMut<'_, f64> {
+        if self.filled + count > self.rows.nrows() {
+            self.reduce();
+        }
+        if self.filled + count > self.rows.nrows() {
+            let (old, width) = (self.filled, self.rows.ncols());
+            self.rows.resize_with(old + count, width, |_, _| 0.0);
+        }
+        self.filled += count;
+        self.rows.as_mut().subrows_mut(self.filled - count, count)
+    }
+
+    fn reduce(&mut self) {
+        let factor = upper_factor(self.rows.as_mut().subrows_mut(0, self.filled));
+        self.rows.fill(0.0);
+        self.filled = factor.nrows();
+        self.rows.as_mut().subrows_mut(0, self.filled).copy_from(&factor);
+    }
+
+    /// Adds to the sum of squares that [`finish`](Self::finish) reports as cost.
+    pub fn add_square(&mut self, square: f64) {
+        self.square += square;
+    }
+
+    /// The compressed problem; `cost` is half of the squares that were added.
+    pub fn finish(mut self) -> Compressed {
+        let n = self.rows.ncols() - 1;
+        let factor = upper_factor(self.rows.as_mut().subrows_mut(0, self.filled));
+        let k = factor.nrows().min(n);
+        Compressed {
+            r: (0..k).map(|i| factor[(i, n)]).collect(),
+            jac: factor.get(..k, ..n).to_owned(),
+            cost: 0.5 * self.square,
+        }
+    }
+}
+
+/// Compresses `[jac r]` (m x n, m) to at most n rows.
+pub fn compress(jac: &Mat<f64>, r: &[f64]) -> Compressed {
+    let (m, n) = (jac.nrows(), jac.ncols());
+    let mut stream = RowStream::new(n, m);
+    let mut start = 0;
+    while start < m {
+        let count = BLOCK_ROWS.min(m - start);
+        let mut block = stream.next(count);
+        for j in 0..n {
+            for i in 0..count {
+                block[(i, j)] = jac[(start + i, j)];
+            }
+        }
+        for i in 0..count {
+            block[(i, n)] = r[start + i];
+        }
+        start += count;
+    }
+    stream.add_square(r.iter().map(|v| v * v).sum());
+    stream.finish()
+}
+
+/// Thin singular value decomposition `a = u diag(s) v'`, `s` descending.
+pub struct Svd {
+    /// Left vectors, m x k.
+    pub u: Mat<f64>,
+    /// Singular values, k, descending.
+    pub s: Vec<f64>,
+    /// Right vectors, n x n: the columns beyond k span the null space.
+    pub v: Mat<f64>,
+}
+
+/// Singular value decomposition with the full set of right vectors; `None` where `a` is not finite.
+pub fn svd(a: MatRef<'_, f64>) -> Option<Svd> {
+    if !a.is_all_finite() {
+        return None;
+    }
+    let full = a.svd().ok()?;
+    let k = a.nrows().min(a.ncols());
+    Some(Svd {
+        u: full.U().get(.., ..k).to_owned(),
+        s: full.S().column_vector().iter().copied().collect(),
+        v: full.V().to_owned(),
+    })
+}
+
+/// Singular values, descending; `None` where `a` is not finite.
+pub fn singular_values(a: MatRef<'_, f64>) -> Option<Vec<f64>> {
+    if !a.is_all_finite() {
+        return None;
+    }
+    a.singular_values().ok()
+}
+
+/// `a x`.
+pub fn mul(a: MatRef<'_, f64>, x: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; a.nrows()];
+    for (j, &xj) in x.iter().enumerate() {
+        for (o, &aij) in out.iter_mut().zip(a.col(j).iter()) {
+            *o += aij * xj;
+        }
+    }
+    out
+}
+
+/// `a' y`.
+pub fn mul_transpose(a: MatRef<'_, f64>, y: &[f64]) -> Vec<f64> {
+    (0..a.ncols()).map(|j| a.col(j).iter().zip(y).map(|(aij, yi)| aij * yi).sum()).collect()
+}
+
+/// Euclidean norm.
+pub fn norm(x: &[f64]) -> f64 {
+    x.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// Orthonormal basis (n x (n - k)) of the complement of the range of `a` (n x k, full column rank).
+pub fn complement(a: MatRef<'_, f64>) -> Option<Mat<f64>> {
+    if a.ncols() == 0 {
+        return Some(Mat::identity(a.nrows(), a.nrows()));
+    }
+    if !a.is_all_finite() {
+        return None;
+    }
+    Some(a.qr().compute_Q().get(.., a.ncols()..).to_owned())
+}

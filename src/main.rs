@@ -1,0 +1,2 @@
+//! gough
+fn main() {}

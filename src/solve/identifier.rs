@@ -1,0 +1,79 @@
+//! The strategy that turns a problem into parameters.
+
+use super::report::Report;
+use crate::problem::{Form, Problem};
+
+/// When to stop; the same for every identifier.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// Most iterations (accepted steps or outer loops).
+    pub iterations: usize,
+    /// Relative step `|dx| <= step (|x| + step)`.
+    pub step: f64,
+    /// Largest cosine between the residual and a column of the Jacobian (MINPACK's `gtol`).
+    pub gradient: f64,
+    /// Relative reduction of the cost, actual and predicted (MINPACK's `ftol`).
+    pub cost: f64,
+}
+
+impl Default for Stop {
+    /// 50 iterations; 1e-9 on step and gradient, 1e-12 on the cost: well below any measurement noise.
+    fn default() -> Self {
+        Self { iterations: 50, step: 1e-9, gradient: 1e-9, cost: 1e-12 }
+    }
+}
+
+/// A setting that an identifier was given and cannot take.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SettingError {
+    /// No such setting.
+    #[error("solver '{solver}' has no setting '{key}'{known}")]
+    Unknown {
+        /// Identifier.
+        solver: &'static str,
+        /// The setting's name.
+        key: String,
+        /// The settings it has, as text.
+        known: String,
+    },
+    /// The setting exists, its value does not fit.
+    #[error("solver '{solver}': setting '{key}' cannot be '{value}': {why}")]
+    Value {
+        /// Identifier.
+        solver: &'static str,
+        /// The setting's name.
+        key: String,
+        /// The value given.
+        value: String,
+        /// What it must be.
+        why: String,
+    },
+}
+
+/// A way to identify: a plain value of settings. Working state lives for one call of
+/// [`identify`](Identifier::identify) only.
+pub trait Identifier: Send + Sync {
+    /// Registered name.
+    fn name(&self) -> &'static str;
+
+    /// One line for people.
+    fn summary(&self) -> &'static str;
+
+    /// The form of the problem that it wants.
+    fn form(&self) -> Form {
+        Form::Minimal
+    }
+
+    /// Changes a setting; the default has none.
+    fn set(&mut self, key: &str, _value: &str) -> Result<(), SettingError> {
+        Err(SettingError::Unknown { solver: self.name(), key: key.into(), known: String::new() })
+    }
+
+    /// The settings in force, as `(key, value)`.
+    fn settings(&self) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
+
+    /// Runs from `start` until `stop`. Not converging is an outcome in the report, never a panic.
+    fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report;
+}

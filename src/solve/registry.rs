@@ -1,0 +1,28 @@
+//! Every identifier by name.
+
+use super::identifier::Identifier;
+
+/// All registered identifiers with their default settings, the default identifier first.
+pub fn all() -> Vec<Box<dyn Identifier>> {
+    vec![Box::new(super::textbook::Textbook)]
+}
+
+/// The identifier of that name, or the list of the names there are.
+pub fn find(name: &str) -> Result<Box<dyn Identifier>, UnknownSolver> {
+    let mut known = Vec::new();
+    for identifier in all() {
+        if identifier.name() == name {
+            return Ok(identifier);
+        }
+        known.push(identifier.name());
+    }
+    Err(UnknownSolver { name: name.into(), known: known.join(", ") })
+}
+
+/// No identifier of that name.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("unknown solver '{name}'; known: {known}")]
+pub struct UnknownSolver {
+    name: String,
+    known: String,
+}
