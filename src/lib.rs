@@ -1,6 +1,9 @@
 //! Kinematic calibration of parallel and serial manipulators.
 
+pub mod calibration;
 pub mod lie;
 pub mod linalg;
+pub mod measure;
+pub mod model;
 pub mod problem;
 pub mod solve;
