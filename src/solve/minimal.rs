@@ -2,7 +2,7 @@
 
 use super::identifier::{Identifier, SettingError, Stop};
 use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
-use super::split::Split;
+use super::split::{Split, Step};
 use crate::linalg::{self, norm};
 use crate::problem::{Compressed, Problem, cost};
 
@@ -27,14 +27,18 @@ impl Default for Minimal {
     }
 }
 
-/// First damping after a rejected step: the weight of the prior, or of the Jacobian's columns.
-const FIRST_DAMPING: f64 = 1.0;
+/// First damping after a rejected step, as a part of the prior's weight or of the Jacobian's columns.
+const FIRST_DAMPING: f64 = 0.1;
 /// Damping beyond which no step is left.
 const LARGEST_DAMPING: f64 = 1e16;
 /// Singular values at most this, relative to the largest, are zero to rounding.
 const ROUNDING: f64 = 1e-13;
 /// Promised reduction, relative to the merit, that rounding of the residuals may hide.
 const UNJUDGED: f64 = 1e-9;
+/// Step, in tolerances, below which a kept number that repeats is settled.
+const SMALL_STEP: f64 = 0.3;
+/// Iterations after which the split is settled whatever it does.
+const SETTLED_AFTER: usize = 10;
 /// How often the split may change after convergence.
 const RESPLITS: usize = 3;
 
@@ -91,7 +95,9 @@ impl Identifier for Minimal {
                 Some(split) if settled => split,
                 before => match self.split(problem, &here) {
                     Some(split) => {
-                        settled = before.is_some_and(|before| before.kept() == split.kept());
+                        let near = report.trace.last().is_some_and(|last| last.step < SMALL_STEP);
+                        let long = report.trace.len() >= SETTLED_AFTER;
+                        settled = before.is_some_and(|b| near && b.kept() == split.kept()) || long;
                         split
                     }
                     None => return report.fail(Failure::Evaluation("the Jacobian is not finite".into())),
@@ -159,25 +165,28 @@ impl Minimal {
         x: &[f64],
         merit: f64,
         damping: &mut f64,
-    ) -> Result<super::split::Step, Failure> {
+    ) -> Result<Step, Failure> {
         let mut why = None;
-        let promised = split.step(here, x, 0.0).map_or(f64::INFINITY, |step| step.predicted);
         loop {
-            if let Some(mut step) = split.step(here, x, *damping) {
-                step.predicted = promised;
+            if let Some(step) = split.step(here, x, *damping) {
                 let trial: Vec<f64> = x.iter().zip(&step.dx).map(|(x, dx)| x + dx).collect();
                 match problem.residual(&trial) {
                     Ok(r) => {
-                        let reached = cost(&r) + split.penalty(&trial);
-                        if reached <= merit || (promised <= UNJUDGED * merit && *damping == 0.0) {
-                            *damping = if *damping <= FIRST_DAMPING { 0.0 } else { 0.1 * *damping };
+                        let gained = merit - cost(&r) - split.penalty(&trial);
+                        if gained >= 0.0 || step.predicted <= UNJUDGED * merit {
+                            let ratio = gained / step.predicted;
+                            if ratio > 0.75 || step.predicted <= UNJUDGED * merit {
+                                *damping = if *damping <= FIRST_DAMPING { 0.0 } else { 0.3 * *damping };
+                            } else if ratio < 0.25 {
+                                *damping = (*damping * 2.0).max(FIRST_DAMPING);
+                            }
                             return Ok(step);
                         }
                     }
                     Err(error) => why = Some(error.0),
                 }
             }
-            *damping = (*damping * 10.0).max(FIRST_DAMPING);
+            *damping = (*damping * 4.0).max(FIRST_DAMPING);
             if *damping > LARGEST_DAMPING {
                 return Err(why.map_or(Failure::NoDescent, Failure::Evaluation));
             }

@@ -4,14 +4,21 @@ use crate::linalg::{self, upper_factor};
 use crate::problem::Compressed;
 use faer::Mat;
 
-/// Directions that the data does not tell: everything orthogonal to them is kept.
+/// Singular value, relative to the threshold, above which the prior has no weight left.
+const FADED: f64 = 10.0;
+
+/// Directions on which the prior stands, and its weight on each; everything orthogonal to them is the data's.
+///
+/// The weight is 1 up to the threshold and fades to 0 at ten times it. A hard edge would leave directions of a
+/// signal-to-noise ratio of barely 1 to the data alone; there the cost is as good as flat, its curvature beyond
+/// first order decides, and the iteration drifts for hundreds of steps that mean nothing.
 #[derive(Clone, Debug)]
 pub struct Split {
-    /// Orthonormal columns, n x (n - kept).
-    dropped: Mat<f64>,
-    /// Whether the prior holds `x` on the dropped directions; else the step leaves them alone.
+    /// Orthonormal columns times the square root of the weight, n x m.
+    anchors: Mat<f64>,
+    kept: usize,
+    /// Whether the prior holds `x` near 0 there; else the step just leaves these directions alone.
     prior: bool,
-    n: usize,
 }
 
 /// The step and what the linear model promises of it.
@@ -32,41 +39,46 @@ impl Split {
         if !here.jac.is_all_finite() {
             return None;
         }
-        if here.jac.nrows() >= n && inverse_norm(&here.jac) * threshold < 1.0 {
-            return Some(Self { dropped: Mat::zeros(n, 0), prior, n });
+        if here.jac.nrows() >= n && inverse_norm(&here.jac) * threshold * FADED < 1.0 {
+            return Some(Self { anchors: Mat::zeros(n, 0), kept: n, prior });
         }
         let svd = linalg::svd(here.jac.as_ref())?;
-        let kept = svd.s.iter().filter(|s| **s > threshold).count();
-        Some(Self { dropped: svd.v.get(.., kept..).to_owned(), prior, n })
+        let strong = svd.s.iter().filter(|s| **s >= threshold * FADED).count();
+        let mut anchors = svd.v.get(.., strong..).to_owned();
+        for (column, s) in svd.s[strong..].iter().enumerate() {
+            let root = prior_weight(s / threshold).sqrt();
+            anchors.as_mut().col_mut(column).iter_mut().for_each(|v| *v *= root);
+        }
+        Some(Self { anchors, kept: svd.s.iter().filter(|s| **s > threshold).count(), prior })
     }
 
-    /// Number of directions left to the data.
+    /// Number of directions whose singular value is above the threshold.
     pub fn kept(&self) -> usize {
-        self.n - self.dropped.ncols()
+        self.kept
     }
 
-    /// `|P x|^2 / 2` over the dropped directions, 0 without a prior.
+    /// `|P x|^2 / 2` with the prior's weights, 0 without a prior.
     pub fn penalty(&self, x: &[f64]) -> f64 {
         if !self.prior {
             return 0.0;
         }
-        0.5 * linalg::mul_transpose(self.dropped.as_ref(), x).iter().map(|a| a * a).sum::<f64>()
+        0.5 * linalg::mul_transpose(self.anchors.as_ref(), x).iter().map(|a| a * a).sum::<f64>()
     }
 
     /// Minimiser of `|J dx + r|^2 + |P (x + dx)|^2 + damping |D dx|^2`, by QR of the stacked rows.
     ///
     /// `D` is 1 in tolerance units, else the norms of the Jacobian's columns.
     pub fn step(&self, here: &Compressed, x: &[f64], damping: f64) -> Option<Step> {
-        let (k, n, m) = (here.jac.nrows(), self.n, self.dropped.ncols());
+        let (k, n, m) = (here.jac.nrows(), x.len(), self.anchors.ncols());
         let damped = if damping > 0.0 { n } else { 0 };
         let mut rows = Mat::<f64>::zeros(k + m + damped, n + 1);
         rows.as_mut().submatrix_mut(0, 0, k, n).copy_from(&here.jac);
         for i in 0..k {
             rows[(i, n)] = -here.r[i];
         }
-        rows.as_mut().submatrix_mut(k, 0, m, n).copy_from(self.dropped.transpose());
+        rows.as_mut().submatrix_mut(k, 0, m, n).copy_from(self.anchors.transpose());
         if self.prior {
-            for (i, along) in linalg::mul_transpose(self.dropped.as_ref(), x).iter().enumerate() {
+            for (i, along) in linalg::mul_transpose(self.anchors.as_ref(), x).iter().enumerate() {
                 rows[(k + i, n)] = -along;
             }
         }
@@ -80,6 +92,13 @@ impl Split {
         let predicted = 0.5 * (0..n.min(factor.nrows())).map(|i| factor[(i, n)].powi(2)).sum::<f64>();
         Some(Step { dx, predicted })
     }
+}
+
+/// Weight of the prior on a direction whose singular value is `s` thresholds: `(1/s^2 - 1/100) / 0.99` between 1
+/// and 10.
+pub fn prior_weight(s: f64) -> f64 {
+    let edge = FADED.powi(-2);
+    ((s.max(1.0).powi(-2) - edge) / (1.0 - edge)).max(0.0)
 }
 
 /// Solves the triangle in the first n columns for the last one; `None` where a pivot is zero to rounding.
