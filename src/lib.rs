@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod files;
+pub mod identify;
 pub mod lie;
 pub mod linalg;
 pub mod measure;

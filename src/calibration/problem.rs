@@ -83,8 +83,9 @@ impl<'a> Calibration<'a> {
         &self.coordinates
     }
 
-    fn row_counts(&self) -> Vec<usize> {
-        self.starts.iter().map(|start| start.sample.measurement.rows()).collect()
+    /// Number of residuals of the samples that take part.
+    pub fn rows(&self) -> usize {
+        self.starts.iter().map(|start| start.sample.measurement.rows()).sum()
     }
 
     /// Closes each posture of a chunk in turn and hands it on with its measurement's rows.
@@ -184,7 +185,7 @@ impl Problem for Calibration<'_> {
     fn linearize(&self, x: &[f64]) -> Result<Linearized, EvalError> {
         let (d, geometry) = self.at(x);
         let columns = self.coordinates.slice_count();
-        let total = self.row_counts().iter().sum();
+        let total = self.rows();
         let mut sliced = Mat::<f64>::zeros(total, columns + 1);
         let mut row = 0;
         self.visit(&self.starts, &geometry, |posture, rows| {

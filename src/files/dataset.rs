@@ -6,7 +6,7 @@ use super::place::Place;
 use super::pose::Components;
 use crate::calibration::Sample;
 use crate::lie::Se3;
-use crate::measure::pose::{NotPositive, Weighting};
+use crate::measure::pose::NotPositive;
 use crate::measure::{Measurement, Pose};
 use nalgebra::Matrix6;
 use std::sync::Arc;
@@ -70,8 +70,7 @@ impl MeasuredPose {
     pub fn measurement(&self, covariance: &Matrix6<f64>) -> Result<Arc<dyn Measurement>, NotPositive> {
         let [x, y, z] = self.position;
         let seen = [self.rotation, self.rotation, self.rotation, x, y, z];
-        let weighting = Weighting::whitening(self.noise.as_deref().unwrap_or(covariance), seen)?;
-        Ok(Arc::new(Pose::new(self.pose, self.is_complete(), weighting)))
+        Ok(Arc::new(Pose::new(self.pose, seen, self.noise.as_deref().unwrap_or(covariance))?))
     }
 }
 

@@ -167,6 +167,7 @@ pub struct ChiSquare {
     /// Sum of squares of the whitened residual.
     #[serde(deserialize_with = "number")]
     pub value: f64,
-    /// Residuals less directions that the data decide.
-    pub degrees_of_freedom: usize,
+    /// Residuals less parameters, those that lean on the prior counted in part.
+    #[serde(deserialize_with = "number")]
+    pub degrees_of_freedom: f64,
 }

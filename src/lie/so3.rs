@@ -48,8 +48,13 @@ pub fn exp(w: &Vector3<f64>) -> Matrix3<f64> {
 
 /// Rotation vector of `r`, rad, of length at most pi.
 ///
-/// Goes through the quaternion by its largest component, so that neither 0 nor pi is special.
+/// Goes through the quaternion by its largest component, so that neither 0 nor pi is special. NaN if `r`
+/// is not finite.
 pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
+    if !r.iter().all(|x| x.is_finite()) {
+        // An infinite scalar part would pass for the identity below.
+        return Vector3::repeat(f64::NAN);
+    }
     let trace = r.trace();
     let off = Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]);
     // Four times the quaternion's largest component times (scalar, vector).

@@ -3,5 +3,5 @@
 pub mod measurement;
 pub mod pose;
 
-pub use measurement::{Measurement, Row};
-pub use pose::Pose;
+pub use measurement::{Measurement, PoseError, Row, Weights};
+pub use pose::{Pose, Weighting};

@@ -1,9 +1,10 @@
 //! A measured pose, or some of its components.
 
-use super::measurement::{Measurement, Row};
+use super::measurement::{Measurement, PoseError, Row, Weights};
 use crate::lie::{Se3, so3};
 use crate::model::mechanism::pose_difference;
-use nalgebra::{Matrix6, SMatrix, Vector6};
+use nalgebra::{Matrix6, SMatrix, Vector3, Vector6};
+use std::sync::Arc;
 
 /// Noise that cannot be whitened.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -39,11 +40,22 @@ impl Weighting {
         if rows.iter().flatten().all(|v| v.is_finite()) { Ok(Self(rows)) } else { Err(NotPositive) }
     }
 
+    /// Independent noise of standard deviations `angle` (rad) and `length` (m).
+    fn isotropic(seen: [bool; 6], angle: f64, length: f64) -> Self {
+        let row = |i: usize| {
+            std::array::from_fn(|j| if i != j { 0.0 } else { 1.0 / if i < 3 { angle } else { length } })
+        };
+        Self((0..6).filter(|&i| seen[i]).map(row).collect())
+    }
+
     /// The unweighted spatial twist of (30): `v = dp + p x w` at the measured position.
-    pub fn spatial_twist(measured: &Se3) -> Self {
+    fn spatial_twist(measured: &Se3, seen: [bool; 6]) -> Self {
         let mut m = Matrix6::identity();
-        m.fixed_view_mut::<3, 3>(3, 0).copy_from(&so3::hat(&measured.p));
-        Self(m.row_iter().map(|row| std::array::from_fn(|i| row[i])).collect())
+        if seen == [true; 6] {
+            m.fixed_view_mut::<3, 3>(3, 0).copy_from(&so3::hat(&measured.p));
+        }
+        let rows = m.row_iter().zip(seen).filter(|(_, seen)| *seen);
+        Self(rows.map(|(row, _)| std::array::from_fn(|i| row[i])).collect())
     }
 }
 
@@ -51,15 +63,16 @@ impl Weighting {
 #[derive(Clone, Debug)]
 pub struct Pose {
     measured: Se3,
-    /// Whether the rotation was measured, so that `measured` can start inverse kinematics.
-    complete: bool,
+    /// Components that were measured, rotation first.
+    seen: [bool; 6],
     weighting: Weighting,
 }
 
 impl Pose {
-    /// A measured pose; `complete` says that no component of it is a placeholder.
-    pub fn new(measured: Se3, complete: bool, weighting: Weighting) -> Self {
-        Self { measured, complete, weighting }
+    /// A measured pose with the noise covariance (6 x 6, rotation first, rad and m, {S} axes) of its components;
+    /// those not in `seen` are placeholders.
+    pub fn new(measured: Se3, seen: [bool; 6], covariance: &Matrix6<f64>) -> Result<Self, NotPositive> {
+        Ok(Self { measured, seen, weighting: Weighting::whitening(covariance, seen)? })
     }
 }
 
@@ -83,6 +96,36 @@ impl Measurement for Pose {
     }
 
     fn pose(&self) -> Option<&Se3> {
-        self.complete.then_some(&self.measured)
+        (self.seen == [true; 6]).then_some(&self.measured)
+    }
+
+    fn without_pose(&self) -> Arc<dyn Measurement> {
+        Arc::new(Self { seen: [false; 6], weighting: Weighting(Vec::new()), ..self.clone() })
+    }
+
+    fn position(&self) -> Option<Vector3<f64>> {
+        self.seen[3..].iter().all(|seen| *seen).then_some(self.measured.p)
+    }
+
+    fn error(&self, tool: &Se3) -> PoseError {
+        let (w, dp) = pose_difference(tool, &self.measured);
+        let norm = |v: Vector3<f64>, seen: &[bool]| {
+            let square: f64 = v.iter().zip(seen).filter(|(_, seen)| **seen).map(|(v, _)| v * v).sum();
+            seen.contains(&true).then_some(square.sqrt())
+        };
+        PoseError { rotation: norm(w, &self.seen[..3]), position: norm(dp, &self.seen[3..]) }
+    }
+
+    fn expected(&self, tool: &Se3) -> Arc<dyn Measurement> {
+        Arc::new(Self { measured: *tool, ..self.clone() })
+    }
+
+    fn reweighted(&self, weights: Weights) -> Arc<dyn Measurement> {
+        let weighting = match weights {
+            Weights::Unit => Weighting::isotropic(self.seen, 1.0, 1.0),
+            Weights::Isotropic { angle, length } => Weighting::isotropic(self.seen, angle, length),
+            Weights::SpatialTwist => Weighting::spatial_twist(&self.measured, self.seen),
+        };
+        Arc::new(Self { weighting, ..self.clone() })
     }
 }

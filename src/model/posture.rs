@@ -10,7 +10,7 @@ use crate::lie::Se3;
 use nalgebra::{Matrix6, Vector6};
 
 /// Largest disagreement of the limbs at closure, rad and machine sizes.
-const CLOSED: f64 = 1e-12;
+const CLOSED: f64 = 1e-13;
 /// Accepted where rounding allows no better.
 const CLOSED_TO_ROUNDING: f64 = 1e-10;
 const MAX_ITERATIONS: usize = 40;

@@ -2,8 +2,10 @@
 
 pub mod identifier;
 
+pub mod minimal;
 pub mod registry;
 pub mod report;
+pub mod split;
 pub mod textbook;
 
 pub use identifier::{Identifier, SettingError, Stop};

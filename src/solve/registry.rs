@@ -4,7 +4,7 @@ use super::identifier::Identifier;
 
 /// All registered identifiers with their default settings, the default identifier first.
 pub fn all() -> Vec<Box<dyn Identifier>> {
-    vec![Box::new(super::textbook::Textbook)]
+    vec![Box::new(super::minimal::Minimal::default()), Box::new(super::textbook::Textbook)]
 }
 
 /// The identifier of that name, or the list of the names there are.
