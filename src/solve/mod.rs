@@ -1,9 +1,16 @@
 //! Identifiers: interchangeable ways to minimise one [`crate::problem::Problem`].
 
+pub mod argmin_lm;
+pub mod complete;
+pub mod damped;
 pub mod identifier;
-
+pub mod levenberg;
+pub mod map;
+pub mod radius;
 pub mod registry;
 pub mod report;
+pub mod ridged;
+pub mod settings;
 pub mod textbook;
 
 pub use identifier::{Identifier, SettingError, Stop};

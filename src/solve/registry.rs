@@ -4,7 +4,12 @@ use super::identifier::Identifier;
 
 /// All registered identifiers with their default settings, the default identifier first.
 pub fn all() -> Vec<Box<dyn Identifier>> {
-    vec![Box::new(super::textbook::Textbook)]
+    vec![
+        Box::new(super::argmin_lm::ArgminLm),
+        Box::new(super::map::Map::default()),
+        Box::new(super::complete::Complete),
+        Box::new(super::textbook::Textbook),
+    ]
 }
 
 /// The identifier of that name, or the list of the names there are.
