@@ -2,6 +2,7 @@
 
 pub mod argmin_lm;
 pub mod complete;
+pub mod conic;
 pub mod damped;
 pub mod identifier;
 pub mod levenberg;

@@ -1,5 +1,6 @@
 //! Every identifier by name.
 
+use super::conic::Conic;
 use super::identifier::Identifier;
 
 /// All registered identifiers with their default settings, the default identifier first.
@@ -7,6 +8,12 @@ pub fn all() -> Vec<Box<dyn Identifier>> {
     vec![
         Box::new(super::argmin_lm::ArgminLm),
         Box::new(super::map::Map::default()),
+        Box::new(Conic::bounded()),
+        Box::new(Conic::ridge()),
+        Box::new(Conic::lasso()),
+        Box::new(Conic::group_lasso()),
+        Box::new(Conic::huber()),
+        Box::new(Conic::minimax()),
         Box::new(super::complete::Complete),
         Box::new(super::textbook::Textbook),
     ]

@@ -1,13 +1,10 @@
 //! The NIST StRD nonlinear regressions as problems: reading the `.dat` files and scoring an answer.
 
-pub mod dual;
 pub mod models;
 
-use dual::Dual;
-use faer::Mat;
-use gough::problem::{EvalError, Linearized, Param, Problem, cost};
+use gough::problem::{Dual, EvalError, Formula, Linearized, Param, Problem, cost};
 use gough::solve::Stop;
-use models::{Model, model};
+use models::model;
 use std::path::Path;
 
 /// NIST certifies 11 digits.
@@ -26,11 +23,11 @@ pub struct Regression {
     pub certified: Vec<f64>,
     /// Certified residual sum of squares.
     certified_rss: f64,
-    model: Model,
-    response: Vec<f64>,
-    predictors: Vec<Vec<f64>>,
-    params: Vec<Param>,
+    formula: Formula<Residual>,
 }
+
+/// Residuals as a function of the parameters.
+type Residual = Box<dyn Fn(&[Dual]) -> Result<Vec<Dual>, EvalError> + Sync>;
 
 impl Regression {
     /// Digits of the worst parameter that agree with the certified ones, 0 to 11.
@@ -52,28 +49,19 @@ impl Regression {
             Err(format!("{}: sum of squares {rss:e} where {:e} is certified", self.name, self.certified_rss))
         }
     }
-
-    fn dual(&self, b: &[f64], row: usize) -> Dual {
-        let duals: Vec<Dual> = b.iter().enumerate().map(|(i, &v)| Dual::parameter(v, i)).collect();
-        (self.model)(&duals, &self.predictors[row])
-    }
 }
 
 impl Problem for Regression {
     fn params(&self) -> &[Param] {
-        &self.params
+        self.formula.params()
     }
 
     fn residual(&self, x: &[f64]) -> Result<Vec<f64>, EvalError> {
-        Ok((0..self.response.len()).map(|i| self.dual(x, i).v - self.response[i]).collect())
+        self.formula.residual(x)
     }
 
     fn linearize(&self, x: &[f64]) -> Result<Linearized, EvalError> {
-        let rows: Vec<Dual> = (0..self.response.len()).map(|i| self.dual(x, i)).collect();
-        Ok(Linearized {
-            r: rows.iter().zip(&self.response).map(|(row, y)| row.v - y).collect(),
-            jac: Mat::from_fn(rows.len(), x.len(), |i, j| rows[i].g[j]),
-        })
+        self.formula.linearize(x)
     }
 }
 
@@ -120,23 +108,16 @@ fn parse(name: &str, text: &str) -> Result<Regression, String> {
         response.push(if name == "Nelson" { y.ln() } else { *y });
         predictors.push(x.to_vec());
     }
-    let params = (1..=certified.len())
-        .map(|i| Param {
-            name: format!("b{i}"),
-            unit: "",
-            scale: 1.0,
-            bounds: (f64::NEG_INFINITY, f64::INFINITY),
-        })
-        .collect();
+    let n = certified.len();
+    let residual: Residual = Box::new(move |b| {
+        Ok(predictors.iter().zip(&response).map(|(x, y): (&Vec<f64>, &f64)| model(b, x) - *y).collect())
+    });
     Ok(Regression {
         name: name.into(),
         starts: [first, second],
         certified,
         certified_rss: certified_rss.ok_or("no residual sum of squares")?,
-        model,
-        response,
-        predictors,
-        params,
+        formula: Formula::new(n, residual),
     })
 }
 

@@ -1,6 +1,6 @@
 //! The model functions of the 27 NIST StRD nonlinear regressions, as printed in the data files.
 
-use super::dual::Dual;
+use gough::problem::Dual;
 use std::f64::consts::PI;
 
 /// A model: parameters `b`, predictors `x` of one observation, to the response.

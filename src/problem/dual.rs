@@ -1,78 +1,83 @@
-//! Forward-mode derivatives: a value with its gradient by at most nine parameters, exact to rounding.
+//! A number with one derivative: forward-mode differentiation, exact to rounding.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Most parameters of a problem in the set (ENSO).
-pub const WIDTH: usize = 9;
-
-/// `v + g . db`.
-#[derive(Clone, Copy, Debug)]
+/// `v + d e` with `e^2 = 0`: a value and its derivative by whatever was seeded with `d = 1`.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dual {
     /// Value.
     pub v: f64,
-    /// Derivatives by the parameters.
-    pub g: [f64; WIDTH],
+    /// Derivative.
+    pub d: f64,
 }
 
 impl Dual {
     /// A constant.
     pub fn constant(v: f64) -> Self {
-        Self { v, g: [0.0; WIDTH] }
-    }
-
-    /// Parameter `index` at value `v`.
-    pub fn parameter(v: f64, index: usize) -> Self {
-        let mut g = [0.0; WIDTH];
-        g[index] = 1.0;
-        Self { v, g }
+        Self { v, d: 0.0 }
     }
 
     /// `f(self)` from `f` and `f'` at the value.
-    fn chain(self, v: f64, slope: f64) -> Self {
-        Self { v, g: self.g.map(|g| slope * g) }
+    pub fn chain(self, v: f64, slope: f64) -> Self {
+        Self { v, d: slope * self.d }
     }
 
-    /// A function of both with partial derivatives `a` and `b`.
-    fn combine(self, other: Dual, v: f64, a: f64, b: f64) -> Self {
-        Self { v, g: std::array::from_fn(|i| a * self.g[i] + b * other.g[i]) }
+    /// A function of `self` and `other` with partial derivatives `a` and `b`.
+    pub fn combine(self, other: Self, v: f64, a: f64, b: f64) -> Self {
+        Self { v, d: a * self.d + b * other.d }
     }
 
+    /// Exponential.
     pub fn exp(self) -> Self {
         let e = self.v.exp();
         self.chain(e, e)
     }
 
-    pub fn sin(self) -> Self {
-        self.chain(self.v.sin(), self.v.cos())
-    }
-
-    pub fn cos(self) -> Self {
-        self.chain(self.v.cos(), -self.v.sin())
-    }
-
-    pub fn atan(self) -> Self {
-        self.chain(self.v.atan(), 1.0 / (1.0 + self.v * self.v))
-    }
-
+    /// Natural logarithm.
     pub fn ln(self) -> Self {
         self.chain(self.v.ln(), 1.0 / self.v)
     }
 
+    /// Sine.
+    pub fn sin(self) -> Self {
+        self.chain(self.v.sin(), self.v.cos())
+    }
+
+    /// Cosine.
+    pub fn cos(self) -> Self {
+        self.chain(self.v.cos(), -self.v.sin())
+    }
+
+    /// Arc tangent.
+    pub fn atan(self) -> Self {
+        self.chain(self.v.atan(), 1.0 / (1.0 + self.v * self.v))
+    }
+
+    /// Square root.
+    pub fn sqrt(self) -> Self {
+        let root = self.v.sqrt();
+        self.chain(root, 0.5 / root)
+    }
+
+    /// Magnitude; the derivative at zero is taken from above.
+    pub fn abs(self) -> Self {
+        self.chain(self.v.abs(), 1f64.copysign(self.v))
+    }
+
+    /// Square.
     pub fn square(self) -> Self {
         self.chain(self.v * self.v, 2.0 * self.v)
     }
 
-    /// `self^power` for a constant power.
+    /// A constant power.
     pub fn powf(self, power: f64) -> Self {
         self.chain(self.v.powf(power), power * self.v.powf(power - 1.0))
     }
 
-    /// `self^power`.
+    /// A power that varies; the base must be positive.
     pub fn pow(self, power: Dual) -> Self {
         let v = self.v.powf(power.v);
-        let base = power.v * self.v.powf(power.v - 1.0);
-        let log = self.v.ln();
-        self.combine(power, v, base, v * log)
+        self.combine(power, v, power.v * self.v.powf(power.v - 1.0), v * self.v.ln())
     }
 }
 
@@ -110,7 +115,8 @@ impl<T: Into<Dual>> Div<T> for Dual {
     type Output = Dual;
     fn div(self, other: T) -> Dual {
         let o = other.into();
-        self.combine(o, self.v / o.v, o.v.recip(), -(self.v / o.v) / o.v)
+        let quotient = self.v / o.v;
+        self.combine(o, quotient, o.v.recip(), -quotient / o.v)
     }
 }
 
