@@ -1,6 +1,9 @@
 //! Identifiers: interchangeable ways to minimise one [`crate::problem::Problem`].
 
+pub mod argmin_adapter;
+pub mod argmin_lbfgs;
 pub mod argmin_lm;
+pub mod argmin_trust_region;
 pub mod complete;
 pub mod conic;
 pub mod damped;

@@ -14,6 +14,8 @@ pub fn all() -> Vec<Box<dyn Identifier>> {
         Box::new(Conic::group_lasso()),
         Box::new(Conic::huber()),
         Box::new(Conic::minimax()),
+        Box::new(super::argmin_trust_region::ArgminTrustRegion),
+        Box::new(super::argmin_lbfgs::ArgminLbfgs),
         Box::new(super::complete::Complete),
         Box::new(super::textbook::Textbook),
     ]
