@@ -57,6 +57,17 @@ impl RowStream {
         self.rows.as_mut().subrows_mut(self.filled - count, count)
     }
 
+    /// Appends a problem that is already compressed, its cost included.
+    pub fn push(&mut self, part: &Compressed) {
+        let n = part.jac.ncols();
+        let mut rows = self.next(part.r.len());
+        rows.rb_mut().subcols_mut(0, n).copy_from(&part.jac);
+        for (i, r) in part.r.iter().enumerate() {
+            rows[(i, n)] = *r;
+        }
+        self.square += 2.0 * part.cost;
+    }
+
     fn reduce(&mut self) {
         let factor = upper_factor(self.rows.as_mut().subrows_mut(0, self.filled));
         self.rows.fill(0.0);

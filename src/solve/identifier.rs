@@ -17,9 +17,9 @@ pub struct Stop {
 }
 
 impl Default for Stop {
-    /// 50 iterations; 1e-9 on step and gradient, 1e-12 on the cost: well below any measurement noise.
+    /// 200 iterations; 1e-9 on step and gradient, 1e-12 on the cost: well below any measurement noise.
     fn default() -> Self {
-        Self { iterations: 50, step: 1e-9, gradient: 1e-9, cost: 1e-12 }
+        Self { iterations: 200, step: 1e-9, gradient: 1e-9, cost: 1e-12 }
     }
 }
 

@@ -10,11 +10,13 @@ pub mod damped;
 pub mod identifier;
 pub mod levenberg;
 pub mod map;
+pub mod minimal;
 pub mod radius;
 pub mod registry;
 pub mod report;
 pub mod ridged;
 pub mod settings;
+pub mod split;
 pub mod textbook;
 
 pub use identifier::{Identifier, SettingError, Stop};

@@ -6,6 +6,7 @@ use super::identifier::Identifier;
 /// All registered identifiers with their default settings, the default identifier first.
 pub fn all() -> Vec<Box<dyn Identifier>> {
     vec![
+        Box::new(super::minimal::Minimal::default()),
         Box::new(super::argmin_lm::ArgminLm),
         Box::new(super::map::Map::default()),
         Box::new(Conic::bounded()),

@@ -1,0 +1,339 @@
+//! Coordinates of link deviations, per limb (docs/theory.md section 6).
+//!
+//! Three sets of numbers describe the errors of one limb:
+//! - the body twists of its links (complete, 6 per link), in which the kinematics is differentiated;
+//! - a *slice* of them, as many as are not redundant, whose columns are single joint-like screws and therefore
+//!   cheap; every redundant direction is a combination that leaves the slice;
+//! - the coordinates `x` that an identifier sees, in which the prior is a unit sphere.
+//!
+//! Jacobians are assembled in the slice, compressed there, and only then carried to `x` by one small matrix a
+//! limb. This never multiplies the tall Jacobian by a basis.
+
+use crate::lie::se3::{self, Twist};
+use crate::linalg;
+use crate::model::{Geometry, Limb, Mechanism, Prior};
+use crate::problem::{Form, Group, Param};
+use faer::Mat;
+
+/// Sigma that stands for no prior, in rad and in machine sizes.
+const FREE: f64 = 1.0;
+
+/// Coordinates of all limbs.
+#[derive(Clone, Debug)]
+pub struct Coordinates {
+    /// One entry per limb.
+    pub limbs: Vec<LimbCoordinates>,
+    form: Form,
+}
+
+/// Coordinates of one limb.
+#[derive(Clone, Debug)]
+pub struct LimbCoordinates {
+    /// Components (of 6 per link) that are not held.
+    pub free: Vec<usize>,
+    /// Components that make the slice, ascending.
+    pub slice: Vec<usize>,
+    /// Components that the redundancy is solved for.
+    pivots: Vec<usize>,
+    /// Standard deviation of each component, rad or m; 0 where held.
+    pub sigma: Vec<f64>,
+    /// `u = basis z` over `free`: orthonormal complement of the redundancy at nominal, in tolerance units.
+    basis: Mat<f64>,
+    /// Where this limb's `x` starts, and how many there are.
+    pub offset: usize,
+    /// Number of this limb's `x`.
+    pub count: usize,
+    /// Where this limb's slice columns start.
+    pub slice_offset: usize,
+}
+
+impl Coordinates {
+    /// Coordinates about the nominal machine.
+    pub fn new(mechanism: &Mechanism, form: Form) -> Self {
+        let nominal = mechanism.nominal();
+        let length = mechanism.characteristic_length();
+        let (mut offset, mut slice_offset) = (0, 0);
+        let mut limbs = Vec::with_capacity(mechanism.limbs.len());
+        for (limb, links) in mechanism.limbs.iter().zip(&nominal.limbs) {
+            let sigma: Vec<f64> = limb.links.iter().flat_map(|link| sigmas(link, length)).collect();
+            let free: Vec<usize> = (0..sigma.len()).filter(|&i| sigma[i] > 0.0).collect();
+            let null = redundancy(limb, links, &sigma);
+            let scaled = Mat::from_fn(free.len(), null.ncols(), |i, j| null[(free[i], j)] / sigma[free[i]]);
+            let pivots: Vec<usize> = pivot_rows(&scaled).into_iter().map(|i| free[i]).collect();
+            let slice: Vec<usize> = free.iter().copied().filter(|i| !pivots.contains(i)).collect();
+            let basis = match form {
+                Form::Minimal => linalg::complement(scaled.as_ref())
+                    .unwrap_or_else(|| Mat::identity(free.len(), free.len())),
+                Form::Complete | Form::Plain => Mat::identity(free.len(), free.len()),
+            };
+            let count = basis.ncols();
+            let columns = slice.len();
+            limbs.push(LimbCoordinates { free, slice, pivots, sigma, basis, offset, count, slice_offset });
+            offset += count;
+            slice_offset += columns;
+        }
+        Self { limbs, form }
+    }
+
+    /// Number of coordinates `x`.
+    pub fn count(&self) -> usize {
+        self.limbs.last().map_or(0, |limb| limb.offset + limb.count)
+    }
+
+    /// Number of slice columns, which is the structural count of identifiable parameters.
+    pub fn slice_count(&self) -> usize {
+        self.limbs.last().map_or(0, |limb| limb.slice_offset + limb.slice.len())
+    }
+
+    /// Link deviations (rad, m; six per link) at `x`.
+    pub fn deviations(&self, x: &[f64]) -> Vec<f64> {
+        let mut out = Vec::new();
+        for limb in &self.limbs {
+            let mut d = vec![0.0; limb.sigma.len()];
+            let u = linalg::mul(limb.basis.as_ref(), &x[limb.offset..limb.offset + limb.count]);
+            for (&i, u) in limb.free.iter().zip(&u) {
+                d[i] = u * self.unit(limb, i);
+            }
+            out.extend(d);
+        }
+        out
+    }
+
+    /// The coordinates whose deviations come closest to `deviations`, in tolerance units.
+    pub fn nearest(&self, deviations: &[f64]) -> Vec<f64> {
+        let mut x = Vec::with_capacity(self.count());
+        let mut start = 0;
+        for limb in &self.limbs {
+            let u: Vec<f64> = limb.free.iter().map(|&i| deviations[start + i] / self.unit(limb, i)).collect();
+            x.extend(linalg::mul_transpose(limb.basis.as_ref(), &u));
+            start += limb.sigma.len();
+        }
+        x
+    }
+
+    /// One unit of component `i`: its tolerance, or 1 rad or m in the plain form.
+    fn unit(&self, limb: &LimbCoordinates, i: usize) -> f64 {
+        match self.form {
+            Form::Plain => 1.0,
+            Form::Minimal | Form::Complete => limb.sigma[i],
+        }
+    }
+
+    /// Per limb, the matrix (slice x count) that takes `dx` to slice twists, at deviations `d` with links as in
+    /// `geometry`.
+    pub fn transforms(&self, mechanism: &Mechanism, geometry: &Geometry, d: &[f64]) -> Vec<Mat<f64>> {
+        let mut start = 0;
+        let mut out = Vec::with_capacity(self.limbs.len());
+        for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
+            let size = limb.sigma.len();
+            let twists = self.body_twists(limb, &d[start..start + size]);
+            let project = limb.projection(drawn, links);
+            out.push(project * twists);
+            start += size;
+        }
+        out
+    }
+
+    /// `d(body twists)/dx` of one limb, complete x count: right Jacobians, units and basis in one.
+    fn body_twists(&self, limb: &LimbCoordinates, d: &[f64]) -> Mat<f64> {
+        let mut scaled = Mat::<f64>::zeros(limb.sigma.len(), limb.count);
+        for (row, &i) in limb.free.iter().enumerate() {
+            let unit = self.unit(limb, i);
+            for j in 0..limb.count {
+                scaled[(i, j)] = unit * limb.basis[(row, j)];
+            }
+        }
+        for (link, d) in d.chunks_exact(6).enumerate() {
+            if d.iter().all(|v| *v == 0.0) {
+                continue;
+            }
+            let right = se3::right_jacobian(&Twist::from_column_slice(d));
+            for j in 0..limb.count {
+                let column = Twist::from_fn(|i, _| scaled[(6 * link + i, j)]);
+                let turned = right * column;
+                for i in 0..6 {
+                    scaled[(6 * link + i, j)] = turned[i];
+                }
+            }
+        }
+        scaled
+    }
+
+    /// Orthonormal basis (count x k) of the redundant directions of `x` at deviations `d`.
+    pub fn redundant(&self, mechanism: &Mechanism, geometry: &Geometry, d: &[f64]) -> Mat<f64> {
+        if self.form == Form::Minimal {
+            return Mat::zeros(self.count(), 0);
+        }
+        let k: usize = self.limbs.iter().map(|limb| limb.pivots.len()).sum();
+        let mut out = Mat::zeros(self.count(), k);
+        let (mut start, mut column) = (0, 0);
+        for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
+            let mut null = redundancy_of(drawn, links, &limb.sigma, limb.pivots.len());
+            for (link, d) in d[start..start + limb.sigma.len()].chunks_exact(6).enumerate() {
+                // Body twists back to deviations, the inverse of the right Jacobian.
+                let back = se3::left_jacobian_inverse(&-Twist::from_column_slice(d));
+                for j in 0..null.ncols() {
+                    let turned = back * Twist::from_fn(|i, _| null[(6 * link + i, j)]);
+                    for i in 0..6 {
+                        null[(6 * link + i, j)] = turned[i];
+                    }
+                }
+            }
+            let inside = Mat::from_fn(limb.free.len(), null.ncols(), |i, j| {
+                null[(limb.free[i], j)] / self.unit(limb, limb.free[i])
+            });
+            let orthonormal = inside.qr().compute_thin_Q();
+            for j in 0..orthonormal.ncols() {
+                for i in 0..limb.count {
+                    out[(limb.offset + i, column)] = orthonormal[(i, j)];
+                }
+                column += 1;
+            }
+            start += limb.sigma.len();
+        }
+        out
+    }
+
+    /// Names, units and bounds of `x`.
+    pub fn params(&self, mechanism: &Mechanism) -> Vec<Param> {
+        let mut params = Vec::with_capacity(self.count());
+        for (limb, drawn) in self.limbs.iter().zip(&mechanism.limbs) {
+            if self.form == Form::Minimal {
+                params.extend((0..limb.count).map(|k| Param {
+                    name: format!("{} combination {}", drawn.name, k + 1),
+                    unit: "",
+                    scale: 1.0,
+                    bounds: (f64::NEG_INFINITY, f64::INFINITY),
+                }));
+                continue;
+            }
+            for &i in &limb.free {
+                let link = &drawn.links[i / 6];
+                let unit = self.unit(limb, i);
+                let limit = match link.bounds {
+                    Some((angle, length)) => (if i % 6 < 3 { angle } else { length }) / unit,
+                    None => f64::INFINITY,
+                };
+                let kind = if i % 6 < 3 { "rotation" } else { "translation" };
+                params.push(Param {
+                    name: format!("{}.{} {kind} {}", drawn.name, link.name, ["x", "y", "z"][i % 3]),
+                    unit: if i % 6 < 3 { "rad" } else { "m" },
+                    scale: unit,
+                    bounds: (-limit, limit),
+                });
+            }
+        }
+        params
+    }
+
+    /// The components of each link, in complete forms.
+    pub fn groups(&self, mechanism: &Mechanism) -> Vec<Group> {
+        if self.form == Form::Minimal {
+            return Vec::new();
+        }
+        let mut groups: Vec<Group> = Vec::new();
+        let mut next = 0;
+        for (limb, drawn) in self.limbs.iter().zip(&mechanism.limbs) {
+            for (j, link) in drawn.links.iter().enumerate() {
+                let size = limb.free.iter().filter(|&&i| i / 6 == j).count();
+                if size > 0 {
+                    let name = format!("{}.{}", drawn.name, link.name);
+                    groups.push(Group { name, members: (next..next + size).collect() });
+                    next += size;
+                }
+            }
+        }
+        groups
+    }
+}
+
+impl LimbCoordinates {
+    /// Matrix (slice x complete) that replaces a body twist by the one in the slice that no pose tells from it.
+    fn projection(&self, limb: &Limb, links: &[crate::lie::Se3]) -> Mat<f64> {
+        let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());
+        let k = self.pivots.len();
+        let at_pivots = Mat::from_fn(k, k, |i, j| null[(self.pivots[i], j)]);
+        let at_slice = Mat::from_fn(self.slice.len(), k, |i, j| null[(self.slice[i], j)]);
+        use faer::linalg::solvers::Solve;
+        // slice - N_slice N_pivots^-1 pivots
+        let weights = at_pivots.transpose().partial_piv_lu().solve(at_slice.transpose());
+        let mut project = Mat::zeros(self.slice.len(), self.sigma.len());
+        for (row, &i) in self.slice.iter().enumerate() {
+            project[(row, i)] = 1.0;
+            for (column, &pivot) in self.pivots.iter().enumerate() {
+                project[(row, pivot)] = -weights[(column, row)];
+            }
+        }
+        project
+    }
+}
+
+/// Standard deviations of a link's six components, 0 where held.
+fn sigmas(link: &crate::model::Link, length: f64) -> [f64; 6] {
+    let sigma = |prior: Prior, free: f64| match prior {
+        Prior::Held => 0.0,
+        Prior::Sigma(sigma) => sigma,
+        Prior::Free => free,
+    };
+    let angle = sigma(link.tolerance.angle, FREE);
+    let translation = sigma(link.tolerance.length, FREE * length);
+    [angle, angle, angle, translation, translation, translation]
+}
+
+/// Redundant body twists (complete x k) that leave held components alone.
+fn redundancy(limb: &Limb, links: &[crate::lie::Se3], sigma: &[f64]) -> Mat<f64> {
+    let columns = limb.null_basis(links);
+    let held: Vec<usize> = (0..sigma.len()).filter(|&i| sigma[i] == 0.0).collect();
+    let at_held = Mat::from_fn(held.len(), columns.len(), |i, j| columns[j][held[i]]);
+    let rank = match linalg::singular_values(at_held.as_ref()) {
+        Some(s) => s.iter().filter(|v| **v > 1e-9 * s[0].max(1.0)).count(),
+        None => 0,
+    };
+    redundancy_of(limb, links, sigma, columns.len() - rank)
+}
+
+/// The same with the number of columns given, so that it is one and the same along an identification.
+fn redundancy_of(limb: &Limb, links: &[crate::lie::Se3], sigma: &[f64], count: usize) -> Mat<f64> {
+    let columns = limb.null_basis(links);
+    let all = Mat::from_fn(sigma.len(), columns.len(), |i, j| columns[j][i]);
+    let held: Vec<usize> = (0..sigma.len()).filter(|&i| sigma[i] == 0.0).collect();
+    if held.is_empty() {
+        return all;
+    }
+    let at_held = Mat::from_fn(held.len(), columns.len(), |i, j| columns[j][held[i]]);
+    match linalg::svd(at_held.as_ref()) {
+        Some(svd) => &all * svd.v.get(.., columns.len() - count..),
+        None => Mat::zeros(sigma.len(), 0),
+    }
+}
+
+/// Rows that complete pivoting picks for the k columns of `a`.
+fn pivot_rows(a: &Mat<f64>) -> Vec<usize> {
+    let mut work = a.clone();
+    let mut rows: Vec<usize> = Vec::with_capacity(a.ncols());
+    let mut columns: Vec<usize> = (0..a.ncols()).collect();
+    while !columns.is_empty() {
+        let mut best = (0, 0, 0.0);
+        for (at, &j) in columns.iter().enumerate() {
+            for i in (0..work.nrows()).filter(|i| !rows.contains(i)) {
+                // Strictly larger by more than rounding, so that equal candidates keep their order.
+                if work[(i, j)].abs() > best.2 * (1.0 + 1e-6) {
+                    best = (i, at, work[(i, j)].abs());
+                }
+            }
+        }
+        let (row, at, size) = best;
+        if size == 0.0 {
+            break;
+        }
+        let pivot = columns.remove(at);
+        rows.push(row);
+        for &j in &columns {
+            let factor = work[(row, j)] / work[(row, pivot)];
+            for i in 0..work.nrows() {
+                work[(i, j)] -= factor * work[(i, pivot)];
+            }
+        }
+    }
+    rows
+}

@@ -1,0 +1,10 @@
+//! A machine and its measurements as a least-squares problem.
+
+pub mod coordinates;
+pub mod problem;
+pub mod rows;
+pub mod sample;
+
+pub use coordinates::Coordinates;
+pub use problem::Calibration;
+pub use sample::{Sample, SetAside};

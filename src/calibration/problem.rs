@@ -1,0 +1,212 @@
+//! The calibration problem: whitened pose errors by link deviations, loops closed.
+
+use super::coordinates::Coordinates;
+use super::rows::write_rows;
+use super::sample::{Sample, SetAside};
+use crate::linalg::RowStream;
+use crate::measure::Row;
+use crate::model::{Geometry, Mechanism, Posture};
+use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Problem};
+use faer::Mat;
+use rayon::prelude::*;
+
+/// Postures that one thread takes at a time; fixed, so that results do not depend on how many threads there are.
+const CHUNK: usize = 128;
+
+/// A sample and the passive joint variables from which its closure starts.
+#[derive(Clone, Debug)]
+struct Start<'a> {
+    sample: &'a Sample,
+    passive: Vec<f64>,
+}
+
+/// A machine with measurements, in the coordinates of one [`Form`].
+#[derive(Clone, Debug)]
+pub struct Calibration<'a> {
+    mechanism: &'a Mechanism,
+    coordinates: Coordinates,
+    starts: Vec<Start<'a>>,
+    set_aside: Vec<SetAside>,
+    params: Vec<Param>,
+    groups: Vec<Group>,
+}
+
+impl<'a> Calibration<'a> {
+    /// Closes every sample at link deviations `at` (rad, m); those that do not close are set aside.
+    pub fn new(mechanism: &'a Mechanism, samples: &'a [Sample], form: Form, at: &[f64]) -> Self {
+        let coordinates = Coordinates::new(mechanism, form);
+        let (params, groups) = (coordinates.params(mechanism), coordinates.groups(mechanism));
+        let mut problem =
+            Self { mechanism, coordinates, starts: Vec::new(), set_aside: Vec::new(), params, groups };
+        problem.take_back(samples, at);
+        problem
+    }
+
+    /// Closes every sample anew at deviations `at`. Returns how many were set aside before and no longer are.
+    pub fn take_back(&mut self, samples: &'a [Sample], at: &[f64]) -> usize {
+        let geometry = self.mechanism.deviated(at);
+        let closed: Vec<Result<Vec<f64>, SetAside>> = samples
+            .par_iter()
+            .enumerate()
+            .map_init(
+                || Posture::new(self.mechanism),
+                |posture, (index, sample)| match sample.close(self.mechanism, &geometry, posture) {
+                    Ok(()) => Ok(posture.passive(self.mechanism)),
+                    Err(reason) => Err(SetAside { sample: index, name: sample.name.clone(), reason }),
+                },
+            )
+            .collect();
+        let before: Vec<usize> = self.set_aside.iter().map(|s| s.sample).collect();
+        self.starts.clear();
+        self.set_aside.clear();
+        for (sample, outcome) in samples.iter().zip(closed) {
+            match outcome {
+                Ok(passive) => self.starts.push(Start { sample, passive }),
+                Err(set_aside) => self.set_aside.push(set_aside),
+            }
+        }
+        before.iter().filter(|&&index| !self.set_aside.iter().any(|s| s.sample == index)).count()
+    }
+
+    /// Samples that take no part, and why.
+    pub fn set_aside(&self) -> &[SetAside] {
+        &self.set_aside
+    }
+
+    /// Number of samples that take part.
+    pub fn sample_count(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// The coordinates.
+    pub fn coordinates(&self) -> &Coordinates {
+        &self.coordinates
+    }
+
+    /// Number of residuals of the samples that take part.
+    pub fn rows(&self) -> usize {
+        self.starts.iter().map(|start| start.sample.measurement.rows()).sum()
+    }
+
+    /// Closes each posture of a chunk in turn and hands it on with its measurement's rows.
+    fn visit(
+        &self,
+        starts: &[Start<'_>],
+        geometry: &Geometry,
+        mut visit: impl FnMut(&Posture, &[Row]),
+    ) -> Result<(), EvalError> {
+        let mut posture = Posture::new(self.mechanism);
+        let mut rows = Vec::new();
+        for start in starts {
+            posture.set_joints(self.mechanism, &start.sample.actuators, &start.passive);
+            posture
+                .close(self.mechanism, geometry)
+                .map_err(|why| EvalError(format!("{}: {why}", start.sample.name)))?;
+            rows.clear();
+            rows.resize(start.sample.measurement.rows(), Row::default());
+            start.sample.measurement.evaluate(&posture.tool(), &mut rows);
+            if rows.iter().any(|row| !row.r.is_finite()) {
+                return Err(EvalError(format!("{}: residual is not finite", start.sample.name)));
+            }
+            visit(&posture, &rows);
+        }
+        Ok(())
+    }
+
+    /// Compressed rows in slice columns, before coordinates are chosen.
+    fn compress_slice(&self, geometry: &Geometry) -> Result<Compressed, EvalError> {
+        let columns = self.coordinates.slice_count();
+        let chunk = |starts: &[Start<'_>]| -> Result<Compressed, EvalError> {
+            let expected = starts.iter().map(|start| start.sample.measurement.rows()).sum();
+            let mut stream = RowStream::new(columns, expected);
+            self.visit(starts, geometry, |posture, rows| {
+                write_rows(self.mechanism, &self.coordinates, posture, rows, stream.next(rows.len()));
+                stream.add_square(rows.iter().map(|row| row.r * row.r).sum());
+            })?;
+            Ok(stream.finish())
+        };
+        if self.starts.len() <= CHUNK {
+            return chunk(&self.starts);
+        }
+        let parts: Vec<Compressed> =
+            self.starts.par_chunks(CHUNK).map(chunk).collect::<Result<_, EvalError>>()?;
+        let mut stream = RowStream::new(columns, parts.iter().map(|part| part.r.len()).sum());
+        for part in parts {
+            stream.push(&part);
+        }
+        Ok(stream.finish())
+    }
+
+    fn at(&self, x: &[f64]) -> (Vec<f64>, Geometry) {
+        let d = self.coordinates.deviations(x);
+        let geometry = self.mechanism.deviated(&d);
+        (d, geometry)
+    }
+
+    /// `a * blockdiag(transforms)`, limb by limb.
+    fn carry(&self, a: &Mat<f64>, transforms: &[Mat<f64>]) -> Mat<f64> {
+        let mut out = Mat::zeros(a.nrows(), self.coordinates.count());
+        for (limb, transform) in self.coordinates.limbs.iter().zip(transforms) {
+            let columns = a.get(.., limb.slice_offset..limb.slice_offset + limb.slice.len());
+            out.as_mut().subcols_mut(limb.offset, limb.count).copy_from(columns * transform);
+        }
+        out
+    }
+}
+
+impl Problem for Calibration<'_> {
+    fn params(&self) -> &[Param] {
+        &self.params
+    }
+
+    fn groups(&self) -> &[Group] {
+        &self.groups
+    }
+
+    fn has_prior(&self) -> bool {
+        true
+    }
+
+    fn residual(&self, x: &[f64]) -> Result<Vec<f64>, EvalError> {
+        let (_, geometry) = self.at(x);
+        let chunk = |starts: &[Start<'_>]| -> Result<Vec<f64>, EvalError> {
+            let mut r = Vec::new();
+            self.visit(starts, &geometry, |_, rows| r.extend(rows.iter().map(|row| row.r)))?;
+            Ok(r)
+        };
+        if self.starts.len() <= CHUNK {
+            return chunk(&self.starts);
+        }
+        let parts: Vec<Vec<f64>> =
+            self.starts.par_chunks(CHUNK).map(chunk).collect::<Result<_, EvalError>>()?;
+        Ok(parts.concat())
+    }
+
+    fn linearize(&self, x: &[f64]) -> Result<Linearized, EvalError> {
+        let (d, geometry) = self.at(x);
+        let columns = self.coordinates.slice_count();
+        let total = self.rows();
+        let mut sliced = Mat::<f64>::zeros(total, columns + 1);
+        let mut row = 0;
+        self.visit(&self.starts, &geometry, |posture, rows| {
+            let out = sliced.as_mut().subrows_mut(row, rows.len());
+            write_rows(self.mechanism, &self.coordinates, posture, rows, out);
+            row += rows.len();
+        })?;
+        let r = sliced.col(columns).iter().copied().collect();
+        let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
+        Ok(Linearized { r, jac: self.carry(&sliced.get(.., ..columns).to_owned(), &transforms) })
+    }
+
+    fn compress(&self, x: &[f64]) -> Result<Compressed, EvalError> {
+        let (d, geometry) = self.at(x);
+        let sliced = self.compress_slice(&geometry)?;
+        let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
+        Ok(Compressed { jac: self.carry(&sliced.jac, &transforms), r: sliced.r, cost: sliced.cost })
+    }
+
+    fn redundant(&self, x: &[f64]) -> Mat<f64> {
+        let (d, geometry) = self.at(x);
+        self.coordinates.redundant(self.mechanism, &geometry, &d)
+    }
+}

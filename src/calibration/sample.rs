@@ -1,0 +1,69 @@
+//! Measured postures, and how the machine is brought into them.
+
+use crate::measure::Measurement;
+use crate::model::inverse::{close_from_home, passive_at_pose};
+use crate::model::{Geometry, Mechanism, NotClosed, Posture};
+use std::sync::Arc;
+
+/// One measured posture.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// Where it stands in its source, for messages: `sample 12`, `data.csv line 14`.
+    pub name: String,
+    /// Actuator variables (reading - home) in actuator order, rad or m.
+    pub actuators: Vec<f64>,
+    /// What was measured.
+    pub measurement: Arc<dyn Measurement>,
+}
+
+/// A sample that takes no part, because its loops do not close on the branch that was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SetAside {
+    /// Index of the sample.
+    pub sample: usize,
+    /// Its name.
+    pub name: String,
+    /// Why.
+    pub reason: NotClosed,
+}
+
+impl Sample {
+    /// Closes the posture with the given links and leaves it in `posture`.
+    ///
+    /// From the measured pose where there is one, so that the assembly mode is the measured one; else, or where
+    /// that fails, along the actuators' path from home.
+    pub fn close(
+        &self,
+        mechanism: &Mechanism,
+        geometry: &Geometry,
+        posture: &mut Posture,
+    ) -> Result<(), NotClosed> {
+        let passive_count: usize = mechanism.limbs.iter().map(|limb| limb.passive_count()).sum();
+        let home = vec![0.0; passive_count];
+        if passive_count == 0 {
+            posture.set_joints(mechanism, &self.actuators, &home);
+            return posture.close(mechanism, geometry);
+        }
+        let mut failure = None;
+        if let Some(pose) = self.measurement.pose() {
+            let (passive, _) = passive_at_pose(mechanism, geometry, &self.actuators, &home, pose);
+            posture.set_joints(mechanism, &self.actuators, &passive);
+            let mode = posture.assembly_mode(mechanism, geometry);
+            match posture.close(mechanism, geometry) {
+                Ok(()) if posture.mode == mode => return Ok(()),
+                Ok(()) => failure = Some(NotClosed::OtherMode),
+                Err(why) => failure = Some(why),
+            }
+        }
+        posture.set_joints(mechanism, &vec![0.0; self.actuators.len()], &home);
+        let from_home = posture
+            .close(mechanism, geometry)
+            .and_then(|()| close_from_home(mechanism, geometry, posture, &self.actuators));
+        match (from_home, failure) {
+            // Home's branch is not the measured one: what failed from the measured pose is the reason.
+            (Ok(()), Some(why)) => Err(why),
+            (Err(_), Some(why)) => Err(why),
+            (outcome, None) => outcome,
+        }
+    }
+}

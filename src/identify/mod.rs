@@ -1,0 +1,10 @@
+//! From measurements to a calibrated machine: registration, identification, scores and counts.
+
+pub mod counts;
+pub mod registration;
+pub mod run;
+pub mod score;
+
+pub use counts::{Counts, Visibility};
+pub use run::{Identification, IdentifyError, identify};
+pub use score::Fit;

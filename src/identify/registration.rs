@@ -1,0 +1,143 @@
+//! Closed-form start for base and tool frames that are known to nobody.
+//!
+//! `measured_k = X g_k Y` over predicted poses `g_k`. Rotation of X from relative rotations (Park & Martin, IEEE
+//! Trans. Robotics and Automation 10(5), 1994), then Y's rotation, then both translations by linear least
+//! squares; with positions only, X from the points (Umeyama, IEEE Trans. PAMI 13(4), 1991, without scale).
+
+use crate::calibration::Sample;
+use crate::lie::{Se3, so3};
+use crate::model::{Mechanism, Posture, Prior};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+/// Which ends of the machine stand free.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FreeEnds {
+    /// Every limb's first link has no prior.
+    pub base: bool,
+    /// Every limb's last link has no prior.
+    pub tool: bool,
+}
+
+impl FreeEnds {
+    /// Reads them off the priors: an end is free where that link of every limb is.
+    pub fn of(mechanism: &Mechanism) -> Self {
+        let free = |link: Option<&crate::model::Link>| {
+            link.is_some_and(|l| l.tolerance.angle == Prior::Free && l.tolerance.length == Prior::Free)
+        };
+        Self {
+            base: mechanism.limbs.iter().all(|limb| free(limb.links.first())),
+            tool: mechanism.limbs.iter().all(|limb| free(limb.links.last())),
+        }
+    }
+}
+
+/// The machine with its free ends moved to where the measurements say that they are; `None` where these do not
+/// determine them.
+pub fn registered(mechanism: &Mechanism, samples: &[Sample], free: FreeEnds) -> Option<Mechanism> {
+    let geometry = mechanism.nominal();
+    let mut posture = Posture::new(mechanism);
+    let (mut predicted, mut poses, mut points) = (Vec::new(), Vec::new(), Vec::new());
+    for sample in samples {
+        // The measured pose lies elsewhere: the posture is sought from home.
+        let closed = Sample { measurement: unmeasured(sample), ..sample.clone() };
+        if closed.close(mechanism, &geometry, &mut posture).is_err() {
+            continue;
+        }
+        if let Some(pose) = sample.measurement.pose() {
+            predicted.push(posture.tool());
+            poses.push(*pose);
+        } else if let Some(point) = sample.measurement.position() {
+            points.push((posture.tool().p, point));
+        }
+    }
+    let (base, tool) = if poses.len() >= 3 {
+        from_poses(&predicted, &poses, free)?
+    } else if free.base && points.len() >= 3 {
+        (from_points(&points)?, Se3::identity())
+    } else {
+        return None;
+    };
+    (base.is_finite() && tool.is_finite()).then(|| mechanism.relocated(&base, &tool))
+}
+
+/// A stand-in that states no pose, so that closure starts from home.
+fn unmeasured(sample: &Sample) -> std::sync::Arc<dyn crate::measure::Measurement> {
+    sample.measurement.without_pose()
+}
+
+fn from_poses(predicted: &[Se3], measured: &[Se3], free: FreeEnds) -> Option<(Se3, Se3)> {
+    let rotation_base = if free.base && free.tool {
+        // log(M_j M_i') = R_X log(G_j G_i'): pairs a third of the set apart differ by more than neighbours do.
+        let n = predicted.len();
+        let mut sum = Matrix3::zeros();
+        for stride in [1, (n / 3).max(1)] {
+            for i in 0..n {
+                let j = (i + stride) % n;
+                let from = so3::log(&(predicted[j].r * predicted[i].r.transpose()));
+                let to = so3::log(&(measured[j].r * measured[i].r.transpose()));
+                // A turn by almost pi has no sure sign.
+                if from.norm() < 2.8 && to.norm() < 2.8 {
+                    sum += to * from.transpose();
+                }
+            }
+        }
+        nearest_rotation(&sum)?
+    } else if free.base {
+        nearest_rotation(&predicted.iter().zip(measured).map(|(g, m)| m.r * g.r.transpose()).sum())?
+    } else {
+        Matrix3::identity()
+    };
+    let rotation_tool = if free.tool {
+        nearest_rotation(
+            &predicted
+                .iter()
+                .zip(measured)
+                .map(|(g, m)| g.r.transpose() * rotation_base.transpose() * m.r)
+                .sum(),
+        )?
+    } else {
+        Matrix3::identity()
+    };
+    // p_m - R_X p_g = R_X R_g p_Y + p_X
+    let columns = 3 * (usize::from(free.base) + usize::from(free.tool));
+    let mut a = DMatrix::zeros(3 * predicted.len(), columns);
+    let mut b = DVector::zeros(3 * predicted.len());
+    for (k, (g, m)) in predicted.iter().zip(measured).enumerate() {
+        b.fixed_rows_mut::<3>(3 * k).copy_from(&(m.p - rotation_base * g.p));
+        if free.base {
+            a.fixed_view_mut::<3, 3>(3 * k, 0).copy_from(&Matrix3::identity());
+        }
+        if free.tool {
+            a.fixed_view_mut::<3, 3>(3 * k, columns - 3).copy_from(&(rotation_base * g.r));
+        }
+    }
+    let solution = a.svd(true, true).solve(&b, 1e-9).ok()?;
+    let part = |at: usize| solution.fixed_rows::<3>(at).into_owned();
+    let base = Se3 { r: rotation_base, p: if free.base { part(0) } else { Vector3::zeros() } };
+    let tool = Se3 { r: rotation_tool, p: if free.tool { part(columns - 3) } else { Vector3::zeros() } };
+    Some((base, tool))
+}
+
+fn from_points(points: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Se3> {
+    let count = points.len() as f64;
+    let from = points.iter().map(|(g, _)| g).sum::<Vector3<f64>>() / count;
+    let to = points.iter().map(|(_, m)| m).sum::<Vector3<f64>>() / count;
+    let sum: Matrix3<f64> = points.iter().map(|(g, m)| (m - to) * (g - from).transpose()).sum();
+    let r = nearest_rotation(&sum)?;
+    Some(Se3 { r, p: to - r * from })
+}
+
+/// The rotation `R` that maximises `tr(R' sum)`; `None` where two singular values vanish and it is not unique.
+fn nearest_rotation(sum: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let svd = sum.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let mut s = svd.singular_values;
+    s.as_mut_slice().sort_by(|a, b| b.total_cmp(a));
+    if !(s[1] > 1e-9 * s[0]) {
+        return None;
+    }
+    let mut flip = Matrix3::identity();
+    let smallest = svd.singular_values.argmin().0;
+    flip[(smallest, smallest)] = (u * v_t).determinant().signum();
+    Some(u * flip * v_t)
+}

@@ -1,0 +1,180 @@
+//! One identification: which postures take part, the identifier's run, and what came of it.
+
+use super::counts::{Counts, Visibility, visibility};
+use super::registration::{FreeEnds, registered};
+use super::score::{Fit, score};
+use crate::calibration::{Calibration, Sample, SetAside};
+use crate::measure::Weights;
+use crate::model::{Geometry, Mechanism};
+use crate::problem::{Form, Problem};
+use crate::solve::split::prior_weight;
+use crate::solve::{Estimate, Identifier, Iterate, Report, Stop};
+
+/// How often postures that were set aside are taken back.
+const ROUNDS: usize = 8;
+
+/// Why nothing could be identified.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum IdentifyError {
+    /// No samples.
+    #[error("there are no samples to identify from")]
+    NoSamples,
+    /// Everything is held.
+    #[error("every link is held (all tolerances are 0): nothing is left to identify")]
+    AllHeld,
+    /// Base or tool are free and the samples do not place them.
+    #[error(
+        "base or tool stand free (tolerance \"free\") and the samples do not determine where they are: \
+         at least three postures with different orientations are needed"
+    )]
+    Unregistered,
+    /// No posture closes.
+    #[error("no posture closes with the nominal machine; {}: {}", .0.name, .0.reason)]
+    NoneCloses(SetAside),
+}
+
+/// What an identification found.
+#[derive(Clone, Debug)]
+pub struct Identification {
+    /// The machine about which it was linearised: as drawn, with free ends registered.
+    pub start: Mechanism,
+    /// Links as identified.
+    pub geometry: Geometry,
+    /// Deviation of every link from the drawing, six per link, rad and m.
+    pub deviations: Vec<f64>,
+    /// Standard error of each, `None` where linear theory does not apply.
+    pub std: Option<Vec<f64>>,
+    /// The identifier's own report, of its last round.
+    pub report: Report,
+    /// Accepted iterations over all rounds.
+    pub trace: Vec<Iterate>,
+    /// Counts and singular values at the solution; `None` where it cannot be evaluated.
+    pub visibility: Option<Visibility>,
+    /// Counts at nominal.
+    pub nominal: Option<Visibility>,
+    /// Samples set aside at first.
+    pub set_aside_at_start: Vec<SetAside>,
+    /// Samples that took no part to the end.
+    pub set_aside: Vec<SetAside>,
+    /// Prediction of the training samples by the drawing (free ends registered) and by the result.
+    pub fit: (Option<Fit>, Option<Fit>),
+    /// Number of residuals.
+    pub rows: usize,
+}
+
+/// Identifies the machine's deviations from the samples.
+pub fn identify(
+    drawn: &Mechanism,
+    samples: &[Sample],
+    identifier: &dyn Identifier,
+    stop: &Stop,
+) -> Result<Identification, IdentifyError> {
+    if samples.is_empty() {
+        return Err(IdentifyError::NoSamples);
+    }
+    let free = FreeEnds::of(drawn);
+    let start = match free {
+        FreeEnds { base: false, tool: false } => drawn.clone(),
+        _ => registered(drawn, samples, free).ok_or(IdentifyError::Unregistered)?,
+    };
+    let weighted: Vec<Sample>;
+    let samples_in_form = match identifier.form() {
+        Form::Plain => {
+            let plain = |s: &Sample| s.measurement.reweighted(Weights::SpatialTwist);
+            weighted = samples.iter().map(|s| Sample { measurement: plain(s), ..s.clone() }).collect();
+            &weighted
+        }
+        Form::Minimal | Form::Complete => samples,
+    };
+    let mut at = vec![0.0; start.component_count()];
+    let mut problem = Calibration::new(&start, samples_in_form, identifier.form(), &at);
+    if problem.params().is_empty() {
+        return Err(IdentifyError::AllHeld);
+    }
+    let set_aside_at_start = problem.set_aside().to_vec();
+    if problem.sample_count() == 0 {
+        return Err(set_aside_at_start
+            .into_iter()
+            .next()
+            .map_or(IdentifyError::NoSamples, IdentifyError::NoneCloses));
+    }
+    let mut x = vec![0.0; problem.params().len()];
+    let mut trace = Vec::new();
+    let mut report;
+    let mut round = 0;
+    loop {
+        report = identifier.identify(&problem, &x, stop);
+        trace.extend_from_slice(&report.trace);
+        round += 1;
+        if !report.cost.is_finite() || !report.x.iter().all(|v| v.is_finite()) {
+            break;
+        }
+        x.copy_from_slice(&report.x);
+        at = problem.coordinates().deviations(&x);
+        let before: Vec<usize> = problem.set_aside().iter().map(|s| s.sample).collect();
+        problem.take_back(samples_in_form, &at);
+        let same = problem.set_aside().iter().map(|s| s.sample).eq(before);
+        if same || round == ROUNDS || problem.sample_count() == 0 {
+            break;
+        }
+    }
+    let geometry = start.deviated(&at);
+    let visibility_at = |at: &[f64]| visibility(&start, samples, at).ok();
+    let at_solution = visibility_at(&at);
+    let std = at_solution.as_ref().and_then(|v| standard_errors(&start, v, report.estimate));
+    Ok(Identification {
+        fit: (score(&start, &start.nominal(), samples), score(&start, &geometry, samples)),
+        nominal: visibility_at(&vec![0.0; at.len()]),
+        deviations: geometry.deviations_from(&drawn.nominal()),
+        rows: problem.rows(),
+        set_aside: problem.set_aside().to_vec(),
+        visibility: at_solution,
+        start,
+        geometry,
+        std,
+        report,
+        trace,
+        set_aside_at_start,
+    })
+}
+
+/// Standard errors of the link deviations from the singular value decomposition at the solution.
+///
+/// Covariance `(J'J + W)^-1`, `W` the prior that the estimate used. Least squares without any prior has no finite
+/// error along directions that the data cannot see; there the tolerance stands in for it.
+fn standard_errors(mechanism: &Mechanism, seen: &Visibility, estimate: Estimate) -> Option<Vec<f64>> {
+    let weight = |s: f64| match estimate {
+        Estimate::Split { threshold } => Some(prior_weight(s / threshold)),
+        Estimate::Ridge { weight } => Some(weight),
+        Estimate::LeastSquares => Some(if s > 1e-6 { 0.0 } else { 1.0 }),
+        Estimate::Other => None,
+    };
+    let coordinates = crate::calibration::Coordinates::new(mechanism, Form::Minimal);
+    let mut variance = vec![0.0; mechanism.component_count()];
+    for (k, s) in seen.singular_values.iter().enumerate() {
+        let scale = 1.0 / (s * s + weight(*s)?).sqrt();
+        let column: Vec<f64> = seen.directions.col(k).iter().map(|v| v * scale).collect();
+        for (v, d) in variance.iter_mut().zip(coordinates.deviations(&column)) {
+            *v += d * d;
+        }
+    }
+    Some(variance.into_iter().map(f64::sqrt).collect())
+}
+
+impl Identification {
+    /// Counts at the solution, or at nominal where the solution cannot be evaluated.
+    pub fn counts(&self) -> Option<Counts> {
+        self.visibility.as_ref().or(self.nominal.as_ref()).map(|v| v.counts)
+    }
+
+    /// Chi-square of the residuals and its degrees of freedom, for estimates that linear theory describes.
+    ///
+    /// The effective number of parameters is the trace of the influence matrix, `sum s^2 / (s^2 + w)`.
+    pub fn chi_square(&self) -> Option<(f64, f64)> {
+        let fit = self.fit.1?;
+        let seen = self.visibility.as_ref()?;
+        let used: f64 = seen.singular_values.iter().map(|s| s * s / (s * s + prior_weight(*s))).sum();
+        let used = if used.is_finite() { used } else { seen.counts.practical as f64 };
+        Some((fit.weighted_rms.powi(2) * self.rows as f64, self.rows as f64 - used))
+    }
+}

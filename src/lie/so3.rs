@@ -1,0 +1,115 @@
+//! Rotations: exponential, logarithm and left Jacobian (docs/theory.md (1)-(4)).
+//!
+//! Each coefficient has a power series where its closed form cancels; the switch lies where both are good to
+//! a few units in the last place.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Cross-product matrix: `hat(a) b = a x b`.
+pub fn hat(a: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
+}
+
+/// `sin t / t` and `(1 - cos t) / t^2`, for t >= 0.
+fn exp_coefficients(t: f64) -> (f64, f64) {
+    if t < 1e-4 {
+        let t2 = t * t;
+        return (1.0 - t2 / 6.0, 0.5 - t2 / 24.0);
+    }
+    let half = (0.5 * t).sin() / (0.5 * t);
+    (t.sin() / t, 0.5 * half * half)
+}
+
+/// `(t - sin t) / t^3`, for t >= 0.
+pub(crate) fn a3(t: f64) -> f64 {
+    if t > 2.0 {
+        return (t - t.sin()) / (t * t * t);
+    }
+    alternating(t * t, 3, |_| 1.0)
+}
+
+/// `sum_k (-1)^k weight(k) t2^k / (2k + first)!`, to rounding for t2 <= 6.25.
+pub(crate) fn alternating(t2: f64, first: u32, weight: fn(f64) -> f64) -> f64 {
+    let mut factor = 1.0 / (1..=first).map(f64::from).product::<f64>();
+    let mut sum = 0.0;
+    for k in 0..16_u32 {
+        sum += factor * weight(f64::from(k));
+        factor *= -t2 / (f64::from(2 * k + first + 1) * f64::from(2 * k + first + 2));
+    }
+    sum
+}
+
+/// Rotation matrix of the rotation vector `w`, rad.
+pub fn exp(w: &Vector3<f64>) -> Matrix3<f64> {
+    let (a1, a2) = exp_coefficients(w.norm());
+    let wx = hat(w);
+    Matrix3::identity() + wx * a1 + wx * wx * a2
+}
+
+/// Rotation vector of `r`, rad, of length at most pi.
+///
+/// Goes through the quaternion by its largest component, so that neither 0 nor pi is special. NaN if `r`
+/// is not finite.
+pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
+    if !r.iter().all(|x| x.is_finite()) {
+        // An infinite scalar part would pass for the identity below.
+        return Vector3::repeat(f64::NAN);
+    }
+    let trace = r.trace();
+    let off = Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]);
+    // Four times the quaternion's largest component times (scalar, vector).
+    let (mut scalar, mut vector) = if trace >= 0.0 {
+        (1.0 + trace, off)
+    } else {
+        let i = r.diagonal().imax();
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let mut vector = Vector3::zeros();
+        vector[i] = 1.0 + r[(i, i)] - r[(j, j)] - r[(k, k)];
+        vector[j] = r[(j, i)] + r[(i, j)];
+        vector[k] = r[(k, i)] + r[(i, k)];
+        (off[i], vector)
+    };
+    if scalar < 0.0 {
+        scalar = -scalar;
+        vector = -vector;
+    }
+    let n = vector.norm();
+    if n < 1e-4 * scalar {
+        let q = n / scalar;
+        return vector * (2.0 / scalar * (1.0 - q * q / 3.0));
+    }
+    vector * (2.0 * n.atan2(scalar) / n)
+}
+
+/// Left Jacobian `Jl` with `d exp(w) exp(-w) = hat(Jl dw)`.
+pub fn left_jacobian(w: &Vector3<f64>) -> Matrix3<f64> {
+    let t = w.norm();
+    let wx = hat(w);
+    Matrix3::identity() + wx * exp_coefficients(t).1 + wx * wx * a3(t)
+}
+
+/// Inverse of [`left_jacobian`]; singular at |w| = 2 pi.
+pub fn left_jacobian_inverse(w: &Vector3<f64>) -> Matrix3<f64> {
+    let wx = hat(w);
+    Matrix3::identity() - wx * 0.5 + wx * wx * cot_coefficient(w.norm())
+}
+
+/// `(1 - (t/2) cot(t/2)) / t^2`, whose series has the Bernoulli numbers `|B_2k| / (2k)!`.
+fn cot_coefficient(t: f64) -> f64 {
+    let t2 = t * t;
+    if t > 0.7 {
+        return (1.0 - 0.5 * t / (0.5 * t).tan()) / t2;
+    }
+    const SERIES: [f64; 9] = [
+        1.0 / 12.0,
+        1.0 / 720.0,
+        1.0 / 30_240.0,
+        1.0 / 1_209_600.0,
+        1.0 / 47_900_160.0,
+        691.0 / 1_307_674_368_000.0,
+        1.0 / 74_724_249_600.0,
+        3617.0 / 10_670_622_842_880_000.0,
+        43867.0 / 5_109_094_217_170_944_000.0,
+    ];
+    SERIES.iter().rev().fold(0.0, |sum, c| sum * t2 + c)
+}

@@ -1,0 +1,136 @@
+//! A mechanism: limbs that join base and platform, with the same code for one limb and many.
+
+use super::limb::Limb;
+use crate::lie::se3::{self, Twist};
+use crate::lie::{Se3, so3};
+use nalgebra::Vector3;
+
+/// Limbs between base and platform at nominal. One limb without passive joints is a serial robot.
+#[derive(Clone, Debug)]
+pub struct Mechanism {
+    /// The limbs.
+    pub limbs: Vec<Limb>,
+}
+
+/// The links of a machine as they are believed to be: per limb `g_0..g_f`.
+#[derive(Clone, Debug)]
+pub struct Geometry {
+    /// Links of each limb.
+    pub limbs: Vec<Vec<Se3>>,
+}
+
+impl Mechanism {
+    /// The machine as drawn.
+    pub fn nominal(&self) -> Geometry {
+        let limbs = self.limbs.iter().map(|limb| limb.links.iter().map(|l| l.nominal).collect());
+        Geometry { limbs: limbs.collect() }
+    }
+
+    /// The machine with link deviations `d` (rad, m), six per link, limb by limb: `g_j = nominal exp(d_j)`.
+    pub fn deviated(&self, deviations: &[f64]) -> Geometry {
+        let mut at = deviations.chunks_exact(6).map(Twist::from_column_slice);
+        let limbs = self.limbs.iter().map(|limb| {
+            let links = limb.links.iter().map(|link| match at.next() {
+                Some(d) if d != Twist::zeros() => link.nominal * se3::exp(&d),
+                _ => link.nominal,
+            });
+            links.collect()
+        });
+        Geometry { limbs: limbs.collect() }
+    }
+
+    /// Number of deviation components, six per link.
+    pub fn component_count(&self) -> usize {
+        self.limbs.iter().map(|limb| 6 * limb.links.len()).sum()
+    }
+
+    /// Number of actuators.
+    pub fn actuator_count(&self) -> usize {
+        self.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated).count()
+    }
+
+    /// Names `limb.joint` of the actuators in order.
+    pub fn actuator_names(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        for limb in &self.limbs {
+            for joint in limb.joints.iter().filter(|joint| joint.actuated) {
+                names.push(format!("{}.{}", limb.name, joint.name));
+            }
+        }
+        names
+    }
+
+    /// Numbers of equivalent angular (r) and prismatic (p) joints.
+    pub fn joint_counts(&self) -> (usize, usize) {
+        let joints = self.limbs.iter().flat_map(|limb| &limb.joints);
+        let all = joints.clone().count();
+        let angular = joints.filter(|joint| joint.motion.is_angular()).count();
+        (angular, all - angular)
+    }
+
+    /// Size of the machine: root mean square distance of its joints from the tool at home, m.
+    ///
+    /// It makes rotations and translations comparable; frames and units do not change it.
+    pub fn characteristic_length(&self) -> f64 {
+        let mut sum = 0.0;
+        let mut count = 0;
+        for limb in &self.limbs {
+            let tool = limb.links.iter().zip(&limb.joints).fold(Se3::identity(), |g, (l, _)| g * l.nominal);
+            let tool = limb.links.last().map_or(tool, |l| tool * l.nominal);
+            for joint in &limb.joints {
+                sum += (joint.frame.p - tool.p).norm_squared();
+                count += 1;
+            }
+        }
+        let length = (sum / f64::from(count.max(1))).sqrt();
+        if length > 0.0 { length } else { 1.0 }
+    }
+
+    /// Moves base (left) and tool (right): every `g_i0` becomes `base g_i0`, every `g_if` becomes `g_if tool`.
+    pub fn relocated(&self, base: &Se3, tool: &Se3) -> Mechanism {
+        let mut moved = self.clone();
+        for limb in &mut moved.limbs {
+            for joint in &mut limb.joints {
+                joint.frame = *base * joint.frame;
+            }
+            if let Some(first) = limb.links.first_mut() {
+                first.nominal = *base * first.nominal;
+            }
+            if let Some(last) = limb.links.last_mut() {
+                last.nominal = last.nominal * *tool;
+            }
+        }
+        moved
+    }
+}
+
+impl Geometry {
+    /// Frames at home of limb `i`: one for each joint, then the tool's.
+    pub fn home_frames(&self, i: usize) -> Vec<Se3> {
+        let mut at = Se3::identity();
+        self.limbs[i]
+            .iter()
+            .map(|link| {
+                at = at * *link;
+                at
+            })
+            .collect()
+    }
+
+    /// Deviation `d` with `self = nominal exp(d)`, six per link.
+    pub fn deviations_from(&self, nominal: &Geometry) -> Vec<f64> {
+        let mut out = Vec::new();
+        for (links, drawn) in self.limbs.iter().zip(&nominal.limbs) {
+            for (link, nominal) in links.iter().zip(drawn) {
+                out.extend_from_slice(se3::log(&(nominal.inverse() * *link)).as_slice());
+            }
+        }
+        out
+    }
+}
+
+/// Twist `[w; dp]` that takes pose `from` to pose `to`: rotation vector of `to.r from.r'` in {S}, and the
+/// displacement of the tool point.
+pub fn pose_difference(to: &Se3, from: &Se3) -> (Vector3<f64>, Vector3<f64>) {
+    (so3::log(&(to.r * from.r.transpose())), to.p - from.p)
+}

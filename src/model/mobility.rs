@@ -1,0 +1,123 @@
+//! Whether a drawing is a machine that this model describes: neither over-constrained nor under-actuated.
+
+use super::mechanism::{Geometry, Mechanism};
+use super::posture::{NotClosed, Posture};
+use nalgebra::{DMatrix, DVector};
+
+/// What is wrong with the mobility of a drawing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MobilityError {
+    /// Nothing drives the machine.
+    #[error("no joint is actuated: mark the driven or sensed joints with \"actuated\": true")]
+    NoActuator,
+    /// Passive joints of one limb can move without moving the platform.
+    #[error(
+        "{limb} can spin: its passive joints {joints} can move together at home without moving the platform; \
+         a universal joint in place of a spherical one at one end cures the spin of a leg between two \
+         spherical joints, another home cures a posture that is singular at home only"
+    )]
+    LimbSpins {
+        /// The limb.
+        limb: String,
+        /// The joints that take part, by name.
+        joints: String,
+    },
+    /// More wrenches than six.
+    #[error(
+        "over-constrained: the limbs transmit {wrenches} wrenches to the platform where 6 determine it ({per_limb}); \
+         give the limbs more passive joints or fewer actuators (a planar linkage needs joints that leave \
+         its plane free)"
+    )]
+    OverConstrained {
+        /// Sum of 6 - m over the limbs.
+        wrenches: usize,
+        /// The sum in words.
+        per_limb: String,
+    },
+    /// Fewer wrenches than six.
+    #[error(
+        "under-actuated: the limbs transmit only {wrenches} wrenches to the platform where 6 determine it \
+         ({per_limb}); actuate more joints or remove passive ones"
+    )]
+    UnderActuated {
+        /// Sum of 6 - m over the limbs.
+        wrenches: usize,
+        /// The sum in words.
+        per_limb: String,
+    },
+    /// Six wrenches that depend on each other.
+    #[error(
+        "singular at home: the limbs' six wrenches depend on each other (smallest singular value {smallest:.1e} of \
+         the largest), so the platform can move with all actuators held, {motion}; draw the machine at \
+         another home, or it is over-constrained one way and under-actuated another"
+    )]
+    Singular {
+        /// Ratio of the extreme singular values of `Jr` at home.
+        smallest: f64,
+        /// The free motion in words.
+        motion: String,
+    },
+    /// The drawing's loops do not close.
+    #[error("the loops do not close at home: {0}")]
+    Open(NotClosed),
+}
+
+/// Checks the machine at home with the given links.
+pub fn check(mechanism: &Mechanism, geometry: &Geometry) -> Result<Posture, MobilityError> {
+    if mechanism.actuator_count() == 0 {
+        return Err(MobilityError::NoActuator);
+    }
+    let mut posture = Posture::new(mechanism);
+    let jacobians = posture.passive_jacobians(mechanism, geometry);
+    for (limb, jacobian) in mechanism.limbs.iter().zip(&jacobians) {
+        if let Some(joints) = dependent(jacobian) {
+            let passive: Vec<&str> =
+                limb.joints.iter().filter(|j| !j.actuated).map(|j| j.name.as_str()).collect();
+            let names: Vec<&str> = joints.iter().filter_map(|&j| passive.get(j).copied()).collect();
+            return Err(MobilityError::LimbSpins { limb: limb.name.clone(), joints: names.join(", ") });
+        }
+    }
+    let counts: Vec<usize> = mechanism.limbs.iter().map(|limb| 6 - limb.passive_count().min(6)).collect();
+    let wrenches: usize = counts.iter().sum();
+    let words: Vec<String> =
+        mechanism.limbs.iter().zip(&counts).map(|(limb, count)| format!("{} {count}", limb.name)).collect();
+    let per_limb = words.join(", ");
+    if wrenches > 6 {
+        return Err(MobilityError::OverConstrained { wrenches, per_limb });
+    }
+    if wrenches < 6 {
+        return Err(MobilityError::UnderActuated { wrenches, per_limb });
+    }
+    match posture.close(mechanism, geometry) {
+        Ok(()) => Ok(posture),
+        Err(NotClosed::Singular { smallest }) => {
+            Err(MobilityError::Singular { smallest, motion: posture.free_motion() })
+        }
+        Err(why) => match posture.singularity_at_home(mechanism, geometry) {
+            Some((smallest, motion)) => Err(MobilityError::Singular { smallest, motion }),
+            None => Err(MobilityError::Open(why)),
+        },
+    }
+}
+
+/// Columns that take part in the dependency of a 6 x m matrix, if there is one.
+fn dependent(columns: &[[f64; 6]]) -> Option<Vec<usize>> {
+    let m = columns.len();
+    if m == 0 {
+        return None;
+    }
+    // Padded to square, so that the right vectors are complete.
+    let size = m.max(6);
+    let mut a = DMatrix::<f64>::zeros(size, m);
+    for (j, column) in columns.iter().enumerate() {
+        a.view_mut((0, j), (6, 1)).copy_from(&DVector::from_column_slice(column));
+    }
+    let svd = a.svd(false, true);
+    let v_t = svd.v_t?;
+    let largest = svd.singular_values.max();
+    let (at, smallest) = svd.singular_values.argmin();
+    if smallest > 1e-9 * largest {
+        return None;
+    }
+    Some((0..m).filter(|&j| v_t[(at, j)].abs() > 1e-6).collect())
+}

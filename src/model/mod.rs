@@ -1,0 +1,14 @@
+//! Mechanisms: limbs of joints between base and platform, and the postures in which their loops close.
+
+pub mod inverse;
+pub mod joint;
+pub mod limb;
+pub mod mechanism;
+pub mod mobility;
+pub mod passive;
+pub mod posture;
+
+pub use joint::{Joint, Motion};
+pub use limb::{Limb, Link, Prior, Tolerance};
+pub use mechanism::{Geometry, Mechanism};
+pub use posture::{NotClosed, Posture};
