@@ -2,5 +2,9 @@
 
 pub mod check;
 pub mod core;
+pub mod dual;
+pub mod formula;
 
 pub use core::{Compressed, EvalError, Form, Group, Linearized, Param, Problem, cost};
+pub use dual::Dual;
+pub use formula::Formula;

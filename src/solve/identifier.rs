@@ -4,7 +4,7 @@ use super::report::Report;
 use crate::problem::{Form, Problem};
 
 /// When to stop; the same for every identifier.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Stop {
     /// Most iterations (accepted steps or outer loops).
     pub iterations: usize,

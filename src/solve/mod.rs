@@ -1,10 +1,21 @@
 //! Identifiers: interchangeable ways to minimise one [`crate::problem::Problem`].
 
+pub mod argmin_adapter;
+pub mod argmin_lbfgs;
+pub mod argmin_lm;
+pub mod argmin_trust_region;
+pub mod complete;
+pub mod conic;
+pub mod damped;
 pub mod identifier;
-
+pub mod levenberg;
+pub mod map;
 pub mod minimal;
+pub mod radius;
 pub mod registry;
 pub mod report;
+pub mod ridged;
+pub mod settings;
 pub mod split;
 pub mod textbook;
 

@@ -1,10 +1,25 @@
 //! Every identifier by name.
 
+use super::conic::Conic;
 use super::identifier::Identifier;
 
 /// All registered identifiers with their default settings, the default identifier first.
 pub fn all() -> Vec<Box<dyn Identifier>> {
-    vec![Box::new(super::minimal::Minimal::default()), Box::new(super::textbook::Textbook)]
+    vec![
+        Box::new(super::minimal::Minimal::default()),
+        Box::new(super::argmin_lm::ArgminLm),
+        Box::new(super::map::Map::default()),
+        Box::new(Conic::bounded()),
+        Box::new(Conic::ridge()),
+        Box::new(Conic::lasso()),
+        Box::new(Conic::group_lasso()),
+        Box::new(Conic::huber()),
+        Box::new(Conic::minimax()),
+        Box::new(super::argmin_trust_region::ArgminTrustRegion),
+        Box::new(super::argmin_lbfgs::ArgminLbfgs),
+        Box::new(super::complete::Complete),
+        Box::new(super::textbook::Textbook),
+    ]
 }
 
 /// The identifier of that name, or the list of the names there are.

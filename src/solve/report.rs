@@ -28,6 +28,8 @@ pub enum Failure {
     Infeasible(Vec<String>),
     /// The inner solver ended with this status.
     Inner(String),
+    /// The identifier needs something that this problem does not have.
+    Unsuited(String),
 }
 
 /// How a run ended.
@@ -66,12 +68,13 @@ impl std::fmt::Display for Outcome {
                 write!(f, "constraints contradict each other: {}", names.join(", "))
             }
             Outcome::Failed(Failure::Inner(status)) => write!(f, "inner solver: {status}"),
+            Outcome::Failed(Failure::Unsuited(why)) => write!(f, "does not suit this problem: {why}"),
         }
     }
 }
 
 /// One accepted iteration.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Iterate {
     /// Merit after the step (`|r|^2 / 2` plus whatever the identifier penalises).
     pub cost: f64,

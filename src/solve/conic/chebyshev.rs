@@ -1,0 +1,80 @@
+//! The largest residual: the loss of tolerances that must hold everywhere.
+
+use super::here::{Here, Quadratic};
+use super::huber::complement;
+use super::loss::{Frame, Loss};
+use super::program::{Owner, Program, Solution};
+
+/// `max |r_i|`.
+#[derive(Clone, Copy, Debug)]
+pub struct Chebyshev;
+
+/// Excess over the largest written-out residual that calls for another row.
+const EXCESS: f64 = 1e-7;
+
+impl Loss for Chebyshev {
+    fn name(&self) -> &'static str {
+        "minimax"
+    }
+
+    fn merit(&self, r: &[f64]) -> f64 {
+        r.iter().fold(0.0, |a, v| a.max(v.abs()))
+    }
+
+    /// Not unique where several residuals are largest: this one blames the first; see `dual_influence`.
+    fn influence(&self, r: &[f64]) -> Vec<f64> {
+        let largest = self.merit(r);
+        let mut blame = vec![0.0; r.len()];
+        if let Some(first) = r.iter().position(|v| v.abs() == largest) {
+            blame[first] = 1f64.copysign(r[first]);
+        }
+        blame
+    }
+
+    fn at_scale(&self, _r: &[f64]) -> Box<dyn Loss> {
+        Box::new(*self)
+    }
+
+    /// The largest residuals, twice as many as a vertex of the program can have.
+    fn working_set(&self, here: &Here) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..here.r.len()).collect();
+        order.sort_by(|&a, &b| here.r[b].abs().total_cmp(&here.r[a].abs()));
+        order.truncate(2 * (here.x.len() + 1));
+        order.sort_unstable();
+        order
+    }
+
+    fn pose(&self, program: &mut Program, frame: &Frame, working: &[usize]) {
+        let size = self.merit(&frame.here.r).max(f64::MIN_POSITIVE);
+        let largest = program.variable(0.0, size);
+        for sign in [1.0, -1.0] {
+            for &row in working {
+                let step = (0..frame.unit.len())
+                    .map(|j| (j, sign * frame.here.jac[(row, j)] * frame.unit[j] / size))
+                    .chain([(largest, -1.0)]);
+                program.at_most(step, -sign * frame.here.r[row] / size, Owner::Nobody);
+            }
+        }
+    }
+
+    fn missing(&self, predicted: &[f64], working: &[usize]) -> Vec<usize> {
+        let held = working.iter().fold(0.0f64, |a, &i| a.max(predicted[i].abs()));
+        complement(working, predicted.len())
+            .into_iter()
+            .filter(|&i| predicted[i].abs() > held * (1.0 + EXCESS))
+            .collect()
+    }
+
+    fn quadratic(&self, _here: &Here, _predicted: &[f64]) -> Option<Quadratic> {
+        None
+    }
+
+    fn dual_influence(&self, here: &Here, working: &[usize], solution: &Solution) -> Option<Vec<f64>> {
+        let size = self.merit(&here.r).max(f64::MIN_POSITIVE);
+        let mut blame = vec![0.0; here.r.len()];
+        for (index, &row) in working.iter().enumerate() {
+            blame[row] = (solution.z[index] - solution.z[working.len() + index]) / size;
+        }
+        Some(blame)
+    }
+}

@@ -1,0 +1,252 @@
+//! The loop round the conic step: successive programs, each accepted or not on the true merit.
+
+use super::here::Here;
+use super::kkt::{self, Stationarity};
+use super::limits::Limits;
+use super::loss::Loss;
+use super::penalty::Penalty;
+use super::restore::restore;
+use super::step::{Model, Step};
+use crate::linalg::{self, norm};
+use crate::problem::{Problem, cost};
+use crate::solve::damped::column_norms;
+use crate::solve::identifier::Stop;
+use crate::solve::report::{ActiveBound, Criterion, Failure, Iterate, Outcome, Report};
+
+/// Gain ratio from which a step is accepted.
+const ACCEPT: f64 = 1e-4;
+/// Relative change of the merit within which rounding decides; stationarity judges there.
+const FLAT: f64 = 1e-9;
+/// Trial steps from one point.
+const TRIALS: usize = 40;
+/// Norm of the influence, relative to that at the start, below which a residual counts as none.
+const NO_RESIDUAL: f64 = 1e-8;
+
+/// A run: what is minimised within what.
+pub struct Descent<'a> {
+    /// The problem.
+    pub problem: &'a dyn Problem,
+    /// Cost of residuals.
+    pub loss: &'a dyn Loss,
+    /// Cost of deviations, the tie-breaking ridge included.
+    pub penalty: Penalty,
+    /// Limits of deviations.
+    pub limits: &'a Limits,
+    /// When to stop.
+    pub stop: &'a Stop,
+}
+
+/// State between iterations.
+struct Point {
+    here: Here,
+    loss: Box<dyn Loss>,
+    metric: Vec<f64>,
+    radius: Option<f64>,
+    influence: Option<Vec<f64>>,
+    first_influence: f64,
+}
+
+enum Trial {
+    Accepted(Here, Step, f64),
+    Ended(Outcome),
+}
+
+impl Descent<'_> {
+    /// Runs from `start`, writing into `report`.
+    pub fn run(&self, start: &[f64], mut report: Report) -> Report {
+        let start = match restore(start, self.limits, self.problem.groups(), self.problem.params()) {
+            Ok(start) => start,
+            Err(failure) => return report.fail(failure),
+        };
+        let here = match Here::at(self.problem, &start, self.loss.needs_rows()) {
+            Ok(here) => here,
+            Err(why) => return report.fail(Failure::Start(why)),
+        };
+        let mut point = Point {
+            loss: self.loss.at_scale(&here.r),
+            first_influence: norm(&self.loss.influence(&here.r)),
+            metric: Vec::new(),
+            radius: None,
+            influence: None,
+            here,
+        };
+        self.measure(&mut point);
+        for _ in 0..self.stop.iterations {
+            if let Some(criterion) = self.stationary(&point) {
+                report.outcome = Outcome::Converged(criterion);
+                break;
+            }
+            match self.search(&mut point) {
+                Trial::Ended(outcome) => {
+                    report.outcome = outcome;
+                    break;
+                }
+                Trial::Accepted(there, step, actual) => {
+                    let moved: Vec<f64> = there.x.iter().zip(&point.here.x).map(|(a, b)| a - b).collect();
+                    let merit = self.merit(&point, &there);
+                    report.trace.push(Iterate { cost: merit, step: norm(&moved), kept: None });
+                    let tiny = norm(&moved) <= self.stop.step * (norm(&there.x) + self.stop.step);
+                    let flat = actual.abs() <= self.stop.cost * merit
+                        && step.predicted.abs() <= self.stop.cost * merit;
+                    point.here = there;
+                    point.influence = step.influence;
+                    let relaxed = self.retune(&mut point);
+                    self.measure(&mut point);
+                    if !relaxed && let Some(criterion) = ended(tiny, flat) {
+                        report.outcome = Outcome::Converged(criterion);
+                        break;
+                    }
+                }
+            }
+        }
+        self.finish(point, report)
+    }
+
+    fn model<'m>(&'m self, point: &'m Point) -> Model<'m> {
+        Model {
+            loss: point.loss.as_ref(),
+            penalty: self.penalty,
+            limits: self.limits,
+            groups: self.problem.groups(),
+            metric: &point.metric,
+        }
+    }
+
+    fn merit(&self, point: &Point, at: &Here) -> f64 {
+        // Compressed rows lack what no step can reach; the sum of squares has it.
+        let unreached = if point.loss.needs_rows() { 0.0 } else { at.cost - cost(&at.r) };
+        self.model(point).merit(&at.r, &at.x) + unreached
+    }
+
+    /// Gauge-free tolerance units where the problem has them, running column norms elsewhere.
+    fn measure(&self, point: &mut Point) {
+        if self.problem.has_prior() {
+            point.metric = vec![1.0; point.here.x.len()];
+        } else {
+            crate::solve::damped::raise_scale(&mut point.metric, &point.here.jac);
+        }
+    }
+
+    /// Lets an eased loss follow the residual towards the loss asked for; whether it changed.
+    fn retune(&self, point: &mut Point) -> bool {
+        let next = self.loss.at_scale(&point.here.r);
+        let (now, then) = (point.loss.merit(&point.here.r), next.merit(&point.here.r));
+        // An eased loss only tightens: the merit of a run may not swing.
+        if then < now * (1.0 - FLAT) {
+            point.loss = next;
+            return true;
+        }
+        false
+    }
+
+    fn stationarity(&self, point: &Point, at: &Here) -> Stationarity {
+        let influence = match &point.influence {
+            Some(influence) => influence.clone(),
+            None => point.loss.influence(&at.r),
+        };
+        let gradient = linalg::mul_transpose(at.jac.as_ref(), &influence);
+        let full = if point.loss.needs_rows() { norm(&influence) } else { (2.0 * at.cost).sqrt() };
+        let size = full.max(NO_RESIDUAL * point.first_influence).max(f64::MIN_POSITIVE);
+        let measure = kkt::measure(&column_norms(&at.jac), size, &self.penalty, &at.x);
+        let groups = self.problem.groups();
+        kkt::stationarity(&gradient, &measure, &at.x, &self.penalty, self.limits, groups)
+    }
+
+    fn stationary(&self, point: &Point) -> Option<Criterion> {
+        if self.merit(point, &point.here) == 0.0 {
+            Some(Criterion::Zero)
+        } else if self.stationarity(point, &point.here).residual <= self.stop.gradient {
+            Some(Criterion::Gradient)
+        } else {
+            None
+        }
+    }
+
+    fn search(&self, point: &mut Point) -> Trial {
+        let merit = self.merit(point, &point.here);
+        let mut refused = None;
+        for _ in 0..TRIALS {
+            let step = match self.model(point).step(&point.here, point.radius) {
+                Ok(step) => step,
+                Err(why) => {
+                    refused = Some(Failure::Inner(why.0));
+                    // A shorter step is a better conditioned program.
+                    point.radius = Some(0.25 * point.radius.unwrap_or_else(|| self.reach(point)));
+                    continue;
+                }
+            };
+            let tiny = step.length <= f64::EPSILON * self.reach(point);
+            let mut ratio = f64::NEG_INFINITY;
+            match Here::at(self.problem, &step.u, point.loss.needs_rows()) {
+                Ok(there) => {
+                    let actual = merit - self.merit(point, &there);
+                    ratio = actual / step.predicted.max(f64::MIN_POSITIVE);
+                    let flat = step.predicted.abs() <= FLAT * merit && actual.abs() <= FLAT * merit;
+                    let improves = || {
+                        self.stationarity(point, &there).residual
+                            < 0.9 * self.stationarity(point, &point.here).residual
+                    };
+                    if (step.predicted > 0.0 && ratio > ACCEPT) || (flat && improves()) {
+                        resize(point, &step, if flat { 1.0 } else { ratio });
+                        return Trial::Accepted(there, step, actual);
+                    }
+                    if tiny || (flat && step.predicted <= self.stop.cost.max(f64::EPSILON) * merit) {
+                        let criterion = if tiny { Criterion::Step } else { Criterion::Cost };
+                        return Trial::Ended(Outcome::Converged(criterion));
+                    }
+                    refused = None;
+                }
+                Err(why) => refused = Some(Failure::Evaluation(why)),
+            }
+            if tiny {
+                break;
+            }
+            resize(point, &step, ratio);
+        }
+        Trial::Ended(Outcome::Failed(refused.unwrap_or(Failure::NoDescent)))
+    }
+
+    fn reach(&self, point: &Point) -> f64 {
+        point.metric.iter().zip(&point.here.x).map(|(d, x)| (d * x).powi(2)).sum::<f64>().sqrt().max(1.0)
+    }
+
+    fn finish(&self, point: Point, mut report: Report) -> Report {
+        let stationarity = self.stationarity(&point, &point.here);
+        let (params, groups) = (self.problem.params(), self.problem.groups());
+        report.active = stationarity
+            .bounds
+            .iter()
+            .map(|&(i, limit, multiplier)| ActiveBound { name: params[i].name.clone(), limit, multiplier })
+            .chain(stationarity.cones.iter().map(|&(g, multiplier)| ActiveBound {
+                name: groups[g].name.clone(),
+                limit: self.limits.cone,
+                multiplier,
+            }))
+            .collect();
+        report.kkt = Some(stationarity.residual);
+        report.cost = point.here.cost;
+        report.x = point.here.x;
+        report
+    }
+}
+
+fn ended(tiny: bool, flat: bool) -> Option<Criterion> {
+    if tiny {
+        Some(Criterion::Step)
+    } else if flat {
+        Some(Criterion::Cost)
+    } else {
+        None
+    }
+}
+
+/// The next radius: shorter after a poor step, none again after a good one that it did not limit.
+fn resize(point: &mut Point, step: &Step, ratio: f64) {
+    let limited = point.radius.is_some_and(|radius| step.length >= 0.9 * radius);
+    if ratio < 0.25 {
+        let least = 1.0 / (2.0 * (1.0 - ratio.max(-1e3)));
+        point.radius = Some(step.length * least.clamp(0.1, 0.5));
+    } else if ratio > 0.75 {
+        point.radius = if limited { Some(2.0 * step.length) } else { None };
+    }
+}

@@ -1,0 +1,26 @@
+//! Group lasso: the sum of the lengths of link deviations, which leaves most links at exactly nominal.
+
+use super::loss::Frame;
+use super::program::{Owner, Program};
+use crate::problem::Group;
+
+/// Length of a group's part of `x`.
+pub fn length(x: &[f64], group: &Group) -> f64 {
+    group.members.iter().map(|&i| x[i] * x[i]).sum::<f64>().sqrt()
+}
+
+/// `sum |x_group|`.
+pub fn merit(x: &[f64], groups: &[Group]) -> f64 {
+    groups.iter().map(|group| length(x, group)).sum()
+}
+
+/// Adds `weight sum |u_group|` through second-order cones `|u_group| <= t_group`.
+pub fn pose(program: &mut Program, frame: &Frame, weight: f64, groups: &[Group]) {
+    for group in groups {
+        // One size for the whole cone: its rows may not be scaled apart.
+        let size = group.members.iter().fold(f64::MIN_POSITIVE, |a, &i| a.max(frame.unit[i]));
+        let bound = program.variable(0.0, weight * size);
+        let tail = group.members.iter().map(|&i| (i, frame.unit[i] / size, frame.here.x[i] / size));
+        program.within((Some((bound, 1.0)), 0.0), tail, Owner::Nobody);
+    }
+}

@@ -1,0 +1,62 @@
+//! The problem at the point about which a step is sought.
+
+use crate::linalg;
+use crate::problem::{Compressed, Linearized, Problem};
+use faer::Mat;
+
+/// Residual and Jacobian at `x`: rows where the loss looks at single residuals, their square root where not.
+#[derive(Clone, Debug)]
+pub struct Here {
+    /// The point, n.
+    pub x: Vec<f64>,
+    /// Residual, rows or compressed.
+    pub r: Vec<f64>,
+    /// Jacobian, rows or compressed.
+    pub jac: Mat<f64>,
+    /// `|r|^2 / 2` of the full residual.
+    pub cost: f64,
+}
+
+/// `|jac (u - x) + r|^2 / 2 + linear . (u - x)` up to a constant.
+#[derive(Clone, Debug)]
+pub struct Quadratic {
+    /// Square root of the curvature.
+    pub jac: Mat<f64>,
+    /// Residual at `x`.
+    pub r: Vec<f64>,
+    /// Linear cost, n.
+    pub linear: Vec<f64>,
+}
+
+impl Here {
+    /// Evaluates `problem` at `x`; an error where it cannot or where the values are not finite.
+    pub fn at(problem: &dyn Problem, x: &[f64], rows: bool) -> Result<Self, String> {
+        let here = if rows {
+            let Linearized { r, jac } = problem.linearize(x).map_err(|why| why.0)?;
+            let cost = crate::problem::cost(&r);
+            Self { x: x.to_vec(), r, jac, cost }
+        } else {
+            let Compressed { r, jac, cost } = problem.compress(x).map_err(|why| why.0)?;
+            Self { x: x.to_vec(), r, jac, cost }
+        };
+        // Clarabel takes NaN for a certificate of infeasibility: it must not get that far.
+        if here.cost.is_finite() && here.jac.is_all_finite() && here.r.iter().all(|v| v.is_finite()) {
+            Ok(here)
+        } else {
+            Err("residual or Jacobian is not finite".into())
+        }
+    }
+
+    /// The residual that the linear model predicts at `u`.
+    pub fn predict(&self, u: &[f64]) -> Vec<f64> {
+        let step: Vec<f64> = u.iter().zip(&self.x).map(|(u, x)| u - x).collect();
+        linalg::mul(self.jac.as_ref(), &step).iter().zip(&self.r).map(|(d, r)| d + r).collect()
+    }
+
+    /// The rows with the given indices, compressed.
+    pub fn compress(&self, rows: &[usize]) -> Compressed {
+        let jac = Mat::from_fn(rows.len(), self.jac.ncols(), |i, j| self.jac[(rows[i], j)]);
+        let r: Vec<f64> = rows.iter().map(|&i| self.r[i]).collect();
+        linalg::compress(&jac, &r)
+    }
+}

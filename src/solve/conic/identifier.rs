@@ -1,0 +1,197 @@
+//! The conic identifiers: one method, registered under the names of its usual compositions.
+
+use super::descent::Descent;
+use super::limits::Limits;
+use super::loss::{Loss, loss};
+use super::options::{Options, Regulariser};
+use super::penalty::Penalty;
+use super::step::Model;
+use super::weight::{self, WeightRule};
+use crate::problem::{Form, Problem};
+use crate::solve::identifier::{Identifier, SettingError, Stop};
+use crate::solve::report::{Estimate, Failure, Report};
+
+/// Ridge, in tolerance units, that chooses the smallest among solutions that the data cannot tell apart.
+const TIE: f64 = 1e-8;
+
+/// A sequence of conic programs about the current point, in complete coordinates with the gauge left free: a limit
+/// excludes a machine only if no equivalent description of it fits.
+#[derive(Clone, Debug)]
+pub struct Conic {
+    name: &'static str,
+    summary: &'static str,
+    /// What is composed.
+    pub options: Options,
+}
+
+impl Conic {
+    /// `conic-bounded`: least squares within limits.
+    pub fn bounded() -> Self {
+        Self {
+            name: "conic-bounded",
+            summary: "least squares within hard limits on single deviations (bounds) or whole links (cone)",
+            options: Options::default(),
+        }
+    }
+
+    /// `conic-ridge`: least squares and squared deviation.
+    pub fn ridge() -> Self {
+        Self {
+            name: "conic-ridge",
+            summary: "least squares with a ridge about nominal in tolerances, within limits",
+            options: Options { regulariser: Regulariser::Ridge, ..Options::default() },
+        }
+    }
+
+    /// `conic-lasso`: least squares and sum of magnitudes.
+    pub fn lasso() -> Self {
+        Self {
+            name: "conic-lasso",
+            summary: "least squares that leaves most single deviations at exactly zero",
+            options: Options { regulariser: Regulariser::Lasso, ..Options::default() },
+        }
+    }
+
+    /// `conic-group-lasso`: least squares and sum of link deviations.
+    pub fn group_lasso() -> Self {
+        Self {
+            name: "conic-group-lasso",
+            summary: "least squares that leaves most links at exactly nominal: which few are off?",
+            options: Options { regulariser: Regulariser::GroupLasso, ..Options::default() },
+        }
+    }
+
+    /// `conic-huber`: residuals beyond a threshold count linearly.
+    pub fn huber() -> Self {
+        Self {
+            name: "conic-huber",
+            summary: "Huber's loss: gross errors in some poses do not carry the others away",
+            options: Options { loss: "huber", ..Options::default() },
+        }
+    }
+
+    /// `conic-minimax`: the largest residual.
+    pub fn minimax() -> Self {
+        Self {
+            name: "conic-minimax",
+            summary: "the least largest residual, for accuracy that must hold everywhere",
+            options: Options { loss: "minimax", ..Options::default() },
+        }
+    }
+
+    fn penalty(&self, weight: f64, prior: bool) -> Penalty {
+        let tie = if prior { TIE } else { 0.0 };
+        match self.options.regulariser {
+            Regulariser::None => Penalty { ridge: tie, ..Penalty::default() },
+            Regulariser::Ridge => Penalty { ridge: weight, ..Penalty::default() },
+            Regulariser::Lasso => Penalty { ridge: tie, lasso: weight, group: 0.0 },
+            Regulariser::GroupLasso => Penalty { ridge: tie, lasso: 0.0, group: weight },
+        }
+    }
+
+    fn unsuited(&self, problem: &dyn Problem) -> Option<&'static str> {
+        let grouped =
+            self.options.cone < f64::INFINITY || self.options.regulariser == Regulariser::GroupLasso;
+        if grouped && problem.groups().is_empty() {
+            Some("its parameters are not grouped into links")
+        } else if self.options.weight == WeightRule::Discrepancy && !problem.has_prior() {
+            Some("the discrepancy principle needs a stated noise")
+        } else {
+            None
+        }
+    }
+
+    fn estimate(&self, weight: f64) -> Estimate {
+        let free = self.options.bounds == f64::INFINITY && self.options.cone == f64::INFINITY;
+        if free && self.options.loss == "least-squares" && self.options.regulariser == Regulariser::Ridge {
+            Estimate::Ridge { weight }
+        } else {
+            Estimate::Other
+        }
+    }
+
+    /// The weight in force, after a run with weight 1 where it must be chosen.
+    fn weigh(
+        &self,
+        descent: &Descent,
+        start: &[f64],
+        mut report: Report,
+    ) -> Result<(f64, Report), Box<Report>> {
+        let rule = self.options.weight;
+        if let WeightRule::Given(weight) = rule {
+            return Ok((weight, report));
+        }
+        let pilot = descent.run(start, report.clone());
+        if !pilot.cost.is_finite() {
+            return Err(Box::new(pilot));
+        }
+        let metric = vec![1.0; start.len()];
+        let prior = descent.problem.has_prior();
+        let chosen = weight::choose(rule, descent.problem, &pilot.x, |weight| Model {
+            loss: descent.loss,
+            penalty: self.penalty(weight, prior),
+            limits: descent.limits,
+            groups: descent.problem.groups(),
+            metric: &metric,
+        });
+        match chosen {
+            Ok((weight, curve)) => {
+                report.x = pilot.x;
+                report.weights = curve;
+                Ok((weight, report))
+            }
+            Err(why) => Err(Box::new(report.fail(Failure::Inner(why)))),
+        }
+    }
+}
+
+impl Identifier for Conic {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn summary(&self) -> &'static str {
+        self.summary
+    }
+
+    fn form(&self) -> Form {
+        Form::Complete
+    }
+
+    fn set(&mut self, key: &str, value: &str) -> Result<(), SettingError> {
+        self.options.set(self.name, key, value)
+    }
+
+    fn settings(&self) -> Vec<(&'static str, String)> {
+        self.options.list()
+    }
+
+    fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
+        let report = Report::new(self.name, start, Estimate::Other);
+        if let Some(why) = self.unsuited(problem) {
+            return report.fail(Failure::Unsuited(why.into()));
+        }
+        let limits = match Limits::of(problem, self.options.bounds, self.options.cone) {
+            Ok(limits) => limits,
+            Err(names) => return report.fail(Failure::Infeasible(names)),
+        };
+        let Some(loss): Option<Box<dyn Loss>> = loss(self.options.loss, self.options.delta) else {
+            return report.fail(Failure::Unsuited(format!("there is no loss '{}'", self.options.loss)));
+        };
+        let mut descent = Descent {
+            problem,
+            loss: loss.as_ref(),
+            penalty: self.penalty(1.0, problem.has_prior()),
+            limits: &limits,
+            stop,
+        };
+        let (weight, mut report) = match self.weigh(&descent, start, report) {
+            Ok(weighed) => weighed,
+            Err(failed) => return *failed,
+        };
+        descent.penalty = self.penalty(weight, problem.has_prior());
+        report.estimate = self.estimate(weight);
+        let from = report.x.clone();
+        descent.run(&from, report)
+    }
+}

@@ -1,0 +1,63 @@
+//! The limits in force: where they come from, and which hold with equality.
+
+use super::loss::Frame;
+use super::program::Program;
+use super::{bounds, cones};
+use crate::problem::{Group, Problem};
+
+/// Box and cones on `x`.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// Lower limit of every coordinate, may be infinite.
+    pub lower: Vec<f64>,
+    /// Upper limit of every coordinate, may be infinite.
+    pub upper: Vec<f64>,
+    /// Limit on the length of every group, infinite where there is none.
+    pub cone: f64,
+}
+
+impl Limits {
+    /// The problem's own bounds, narrowed to `|x_i| <= width` and `|x_group| <= cone`; the names of the coordinates
+    /// whose limits exclude each other where there are such.
+    pub fn of(problem: &dyn Problem, width: f64, cone: f64) -> Result<Self, Vec<String>> {
+        let params = problem.params();
+        let lower: Vec<f64> = params.iter().map(|p| p.bounds.0.max(-width)).collect();
+        let upper: Vec<f64> = params.iter().map(|p| p.bounds.1.min(width)).collect();
+        // Clarabel calls a gap of 1e-9 solved: what can be seen is not left to it. A bound of NaN excludes all.
+        let reversed: Vec<String> = params
+            .iter()
+            .filter(|p| p.bounds.0.is_nan() || p.bounds.1.is_nan())
+            .chain(params.iter().zip(lower.iter().zip(&upper)).filter(|(_, (l, u))| l > u).map(|(p, _)| p))
+            .map(|p| p.name.clone())
+            .collect();
+        if reversed.is_empty() { Ok(Self { lower, upper, cone }) } else { Err(reversed) }
+    }
+
+    /// Writes the limits into the program.
+    pub fn pose(&self, program: &mut Program, frame: &Frame, groups: &[Group]) {
+        bounds::pose(program, frame, &self.lower, &self.upper);
+        if self.cone < f64::INFINITY {
+            cones::pose(program, frame, self.cone, groups);
+        }
+    }
+
+    /// Moves `x` into the box.
+    pub fn clamp(&self, x: &mut [f64]) {
+        for (x, (lower, upper)) in x.iter_mut().zip(self.lower.iter().zip(&self.upper)) {
+            *x = x.max(*lower).min(*upper);
+        }
+    }
+
+    /// Largest distance by which `x` oversteps a limit.
+    pub fn violation(&self, x: &[f64], groups: &[Group]) -> f64 {
+        let outside = x
+            .iter()
+            .zip(self.lower.iter().zip(&self.upper))
+            .map(|(x, (lower, upper))| (lower - x).max(x - upper).max(0.0));
+        let beyond = groups
+            .iter()
+            .filter(|_| self.cone < f64::INFINITY)
+            .map(|group| super::group_lasso::length(x, group) - self.cone);
+        outside.chain(beyond).fold(0.0, f64::max)
+    }
+}

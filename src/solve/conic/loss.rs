@@ -1,0 +1,66 @@
+//! What a residual costs: the trait that every loss fulfils, and the losses by name.
+
+use super::chebyshev::Chebyshev;
+use super::here::{Here, Quadratic};
+use super::huber::Huber;
+use super::least_squares::LeastSquares;
+use super::program::{Program, Solution};
+
+/// The step variables of a program in terms of the point: `u_i = x_i + unit_i step_i`.
+#[derive(Clone, Debug)]
+pub struct Frame<'a> {
+    /// The problem at the point.
+    pub here: &'a Here,
+    /// Size of one unit of each step variable, in units of `x`.
+    pub unit: Vec<f64>,
+}
+
+/// A convex cost of residuals.
+pub trait Loss: Send + Sync + std::fmt::Debug {
+    /// Name in settings.
+    fn name(&self) -> &'static str;
+
+    /// Whether it looks at single residuals, so that rows cannot be compressed.
+    fn needs_rows(&self) -> bool {
+        true
+    }
+
+    /// Cost of a residual (m, or compressed where rows are not needed).
+    fn merit(&self, r: &[f64]) -> f64;
+
+    /// Derivative of the cost by the residual.
+    fn influence(&self, r: &[f64]) -> Vec<f64>;
+
+    /// The loss to use while residuals are as large as `r`: an easier one far from the solution, or itself.
+    fn at_scale(&self, r: &[f64]) -> Box<dyn Loss>;
+
+    /// Rows to write out in the first program for a step from `here`; the others are summed up.
+    fn working_set(&self, here: &Here) -> Vec<usize>;
+
+    /// Writes the cost of the step into the program.
+    fn pose(&self, program: &mut Program, frame: &Frame, working: &[usize]);
+
+    /// Rows missing from the working set, given the residual that the step predicts.
+    fn missing(&self, predicted: &[f64], working: &[usize]) -> Vec<usize>;
+
+    /// The quadratic that equals the cost about the predicted residual; `None` where there is no such.
+    fn quadratic(&self, here: &Here, predicted: &[f64]) -> Option<Quadratic>;
+
+    /// Derivative by the residual from the dual variables of a solved program, where `influence` is not unique.
+    fn dual_influence(&self, _here: &Here, _working: &[usize], _solution: &Solution) -> Option<Vec<f64>> {
+        None
+    }
+}
+
+/// Names of the losses.
+pub const LOSSES: &[&str] = &["least-squares", "huber", "minimax"];
+
+/// The loss of that name; `delta` is Huber's threshold in standard deviations.
+pub fn loss(name: &str, delta: f64) -> Option<Box<dyn Loss>> {
+    match name {
+        "least-squares" => Some(Box::new(LeastSquares)),
+        "huber" => Some(Box::new(Huber { delta })),
+        "minimax" => Some(Box::new(Chebyshev)),
+        _ => None,
+    }
+}

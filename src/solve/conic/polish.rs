@@ -1,0 +1,280 @@
+//! The last digits of a conic program: Newton steps by QR on the active set that the program found.
+//!
+//! An interior point stops some 1e-8 of its scale away. With the active set known, what remains is a smooth
+//! problem in the free coordinates; groups at their cone move along the sphere.
+
+use super::group_lasso::length;
+use super::here::{Here, Quadratic};
+use super::step::Model;
+use crate::linalg::{self, norm};
+use faer::{Mat, MatMut};
+
+/// Nearness to a limit or to zero, in units of the program, at which a candidate counts as there.
+const NEAR: f64 = 1e-6;
+/// Newton steps, each with one look at the active set.
+const PASSES: usize = 15;
+/// Proximal weight, relative to the squared column norms, that keeps the factor of a deficient Jacobian regular.
+const PROXIMAL: f64 = 1e-20;
+/// Size of a multiplier, relative to its measure, from which its sign counts.
+const SIGN: f64 = 1e-10;
+
+/// A direction in which the point may still move.
+struct Free {
+    /// `(coordinate, component)`.
+    parts: Vec<(usize, f64)>,
+}
+
+/// What is held where.
+struct ActiveSet {
+    /// Coordinate at a limit, or at the zero of the lasso.
+    held: Vec<bool>,
+    /// Group at the zero of the group lasso.
+    zero: Vec<bool>,
+    /// Group at the limit of its cone.
+    cone: Vec<bool>,
+}
+
+/// The polished point; `None` where the loss has no quadratic or the active set does not settle.
+pub fn polish(model: &Model, here: &Here, candidate: &[f64], unit: &[f64]) -> Option<Vec<f64>> {
+    let mut u = candidate.to_vec();
+    let mut set = guess(model, &mut u, unit);
+    for _ in 0..PASSES {
+        let quadratic = model.loss.quadratic(here, &here.predict(&u))?;
+        let free = free_directions(model, &set, &u);
+        let before = u.clone();
+        newton(model, here, &quadratic, &free, &mut u)?;
+        let grown = hold(model, &mut set, &before, &mut u);
+        let moved = u.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let settled = moved <= 4.0 * f64::EPSILON * norm(&u).max(f64::MIN_POSITIVE);
+        if !grown && !release(model, here, &mut set, &mut u)? && settled {
+            return Some(u);
+        }
+    }
+    Some(u)
+}
+
+fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
+    let (lower, upper) = (&model.limits.lower, &model.limits.upper);
+    let mut held = vec![false; u.len()];
+    for i in 0..u.len() {
+        let near = NEAR * unit[i];
+        if upper[i] - u[i] <= near || u[i] - lower[i] <= near {
+            u[i] = if upper[i] - u[i] <= u[i] - lower[i] { upper[i] } else { lower[i] };
+            held[i] = true;
+        } else if model.penalty.lasso > 0.0 && u[i].abs() <= near {
+            u[i] = 0.0;
+            held[i] = true;
+        }
+    }
+    let size = |i: &usize| unit[*i];
+    let mut zero = vec![false; model.groups.len()];
+    let mut cone = vec![false; model.groups.len()];
+    for (g, group) in model.groups.iter().enumerate() {
+        let reach = length(u, group);
+        if model.penalty.group > 0.0 && reach <= NEAR * group.members.iter().map(size).fold(0.0, f64::max) {
+            group.members.iter().for_each(|&i| u[i] = 0.0);
+            zero[g] = true;
+        }
+        cone[g] = reach >= model.limits.cone * (1.0 - NEAR);
+    }
+    ActiveSet { held, zero, cone }
+}
+
+fn free_directions(model: &Model, set: &ActiveSet, u: &[f64]) -> Vec<Free> {
+    let mut single: Vec<bool> = set.held.iter().map(|held| !held).collect();
+    let mut free = Vec::new();
+    for (g, group) in model.groups.iter().enumerate() {
+        if set.zero[g] {
+            group.members.iter().for_each(|&i| single[i] = false);
+        } else if set.cone[g] {
+            let members: Vec<usize> = group.members.iter().copied().filter(|&i| single[i]).collect();
+            members.iter().for_each(|&i| single[i] = false);
+            free.extend(tangents(&members, u));
+        }
+    }
+    free.extend((0..u.len()).filter(|&i| single[i]).map(|i| Free { parts: vec![(i, 1.0)] }));
+    free
+}
+
+/// Orthonormal directions along the sphere through `u` in the coordinates `members`: all columns but the first of
+/// the Householder reflection that turns the first axis into `u`.
+fn tangents(members: &[usize], u: &[f64]) -> Vec<Free> {
+    let radius = members.iter().map(|&i| u[i] * u[i]).sum::<f64>().sqrt();
+    if radius == 0.0 {
+        return Vec::new();
+    }
+    let mut v: Vec<f64> = members.iter().map(|&i| u[i] / radius).collect();
+    v[0] += 1f64.copysign(v[0]);
+    let square: f64 = v.iter().map(|x| x * x).sum();
+    (1..members.len())
+        .map(|column| Free {
+            parts: members
+                .iter()
+                .zip(&v)
+                .enumerate()
+                .map(|(row, (&i, vi))| (i, f64::from(row == column) - 2.0 * vi * v[column] / square))
+                .collect(),
+        })
+        .collect()
+}
+
+/// One Newton step of the program in the free directions, by QR.
+fn newton(model: &Model, here: &Here, quadratic: &Quadratic, free: &[Free], u: &mut [f64]) -> Option<()> {
+    if free.is_empty() {
+        return Some(());
+    }
+    let (n, k, f) = (u.len(), quadratic.jac.nrows(), free.len());
+    let (slope, bend) = curved(model, here, quadratic, u);
+    let root = model.penalty.ridge.sqrt();
+    let moved: Vec<f64> = u.iter().zip(&here.x).map(|(u, x)| u - x).collect();
+    let at = linalg::mul(quadratic.jac.as_ref(), &moved);
+    let mut rows = Mat::zeros(k + 2 * n + f, f + 1);
+    let mut linear = vec![0.0; f];
+    for (j, direction) in free.iter().enumerate() {
+        for &(i, part) in &direction.parts {
+            for row in 0..k {
+                rows[(row, j)] += quadratic.jac[(row, i)] * part;
+            }
+            rows[(k + i, j)] += root * part;
+            rows[(k + n + i, j)] += bend[i].sqrt() * part;
+            linear[j] += slope[i] * part;
+        }
+        let square: f64 = (0..k).map(|row| rows[(row, j)] * rows[(row, j)]).sum();
+        rows[(k + 2 * n + j, j)] = (PROXIMAL * square).sqrt().max(f64::MIN_POSITIVE.sqrt());
+    }
+    flatten_along(model, u, &bend, free, rows.as_mut().subrows_mut(k + n, n));
+    for row in 0..k {
+        rows[(row, f)] = at[row] + quadratic.r[row];
+    }
+    for i in 0..n {
+        rows[(k + i, f)] = root * u[i];
+    }
+    if !rows.is_all_finite() {
+        return None;
+    }
+    let factor = linalg::upper_factor(rows.as_mut());
+    // R'R t = -(A'b + linear): the linear part through R twice, the rest through Q.
+    for j in 0..f {
+        let dot: f64 = (0..j).map(|i| factor[(i, j)] * linear[i]).sum();
+        linear[j] = (linear[j] - dot) / factor[(j, j)];
+    }
+    let mut t: Vec<f64> = (0..f).map(|i| -factor[(i, f)] - linear[i]).collect();
+    for j in (0..f).rev() {
+        t[j] /= factor[(j, j)];
+        let tj = t[j];
+        for (i, x) in t.iter_mut().enumerate().take(j) {
+            *x -= factor[(i, j)] * tj;
+        }
+    }
+    if t.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    for (direction, t) in free.iter().zip(&t) {
+        for &(i, part) in &direction.parts {
+            u[i] += part * t;
+        }
+    }
+    Some(())
+}
+
+/// Slope of everything that is not a square, and `weight / length` of every group's penalty and cone.
+fn curved(model: &Model, here: &Here, quadratic: &Quadratic, u: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let mut slope = quadratic.linear.clone();
+    let mut bend = vec![0.0; u.len()];
+    if model.penalty.lasso > 0.0 {
+        for (s, u) in slope.iter_mut().zip(u) {
+            *s += if *u == 0.0 { 0.0 } else { model.penalty.lasso.copysign(*u) };
+        }
+    }
+    let multipliers = model.program_stationarity(here, u).cones;
+    for (g, group) in model.groups.iter().enumerate() {
+        let size = length(u, group);
+        if size == 0.0 {
+            continue;
+        }
+        let cone = multipliers.iter().find(|(index, _)| *index == g).map_or(0.0, |(_, m)| *m);
+        for &i in &group.members {
+            slope[i] += model.penalty.group * u[i] / size;
+            bend[i] = (model.penalty.group + cone) / size;
+        }
+    }
+    (slope, bend)
+}
+
+/// Takes from the bend of every group what lies along the group itself: a length is straight along its own ray.
+fn flatten_along(model: &Model, u: &[f64], bend: &[f64], free: &[Free], mut rows: MatMut<'_, f64>) {
+    for group in model.groups {
+        let size = length(u, group);
+        if size == 0.0 || group.members.iter().all(|&i| bend[i] == 0.0) {
+            continue;
+        }
+        for j in 0..free.len() {
+            let along: f64 = group.members.iter().map(|&i| u[i] / size * rows[(i, j)]).sum();
+            group.members.iter().for_each(|&i| rows[(i, j)] -= u[i] / size * along);
+        }
+    }
+}
+
+/// Holds what the step carried across a limit or through zero; whether anything was.
+fn hold(model: &Model, set: &mut ActiveSet, before: &[f64], u: &mut [f64]) -> bool {
+    let mut grown = false;
+    for i in 0..u.len() {
+        let (lower, upper) = (model.limits.lower[i], model.limits.upper[i]);
+        let crossed = model.penalty.lasso > 0.0 && before[i] * u[i] < 0.0;
+        if u[i] > upper || u[i] < lower || crossed {
+            u[i] = if crossed { 0.0f64.max(lower).min(upper) } else { u[i].max(lower).min(upper) };
+            grown |= !set.held[i];
+            set.held[i] = true;
+        }
+    }
+    for (g, group) in model.groups.iter().enumerate() {
+        if set.cone[g] || length(u, group) > model.limits.cone {
+            grown |= !set.cone[g];
+            set.cone[g] = true;
+            let (held, free): (Vec<usize>, Vec<usize>) = group.members.iter().partition(|&&i| set.held[i]);
+            let left = model.limits.cone.powi(2) - held.iter().map(|&i| u[i] * u[i]).sum::<f64>();
+            let reach = free.iter().map(|&i| u[i] * u[i]).sum::<f64>().sqrt();
+            if reach > 0.0 && left > 0.0 {
+                free.iter().for_each(|&i| u[i] *= left.sqrt() / reach);
+            }
+        }
+    }
+    grown
+}
+
+/// Frees what its multiplier does not hold; whether anything was. `None` where a group would have to leave zero:
+/// the direction is the program's to find.
+fn release(model: &Model, here: &Here, set: &mut ActiveSet, u: &mut [f64]) -> Option<bool> {
+    let gradient = model.program_gradient(here, u);
+    let measure = model.program_measure(here, u);
+    let stationarity = model.program_stationarity(here, u);
+    let mut freed = false;
+    for i in 0..u.len() {
+        let fixed = model.limits.lower[i] == model.limits.upper[i];
+        if !set.held[i] || fixed || stationarity.bounds.iter().any(|(j, _, _)| *j == i) {
+            continue;
+        }
+        let g = gradient[i] + model.penalty.ridge * u[i];
+        let slack = if model.penalty.lasso > 0.0 && u[i] == 0.0 { model.penalty.lasso } else { 0.0 };
+        if g.abs() > slack + SIGN * measure[i] {
+            set.held[i] = false;
+            freed = true;
+            if u[i] == 0.0 {
+                // Enough of a sign for the slope of the lasso, too little to matter.
+                u[i] = -f64::MIN_POSITIVE.sqrt().copysign(g);
+            }
+        }
+    }
+    for (g, group) in model.groups.iter().enumerate() {
+        let pull = group.members.iter().map(|&i| gradient[i].powi(2)).sum::<f64>().sqrt();
+        let tolerance = group.members.iter().map(|&i| SIGN * measure[i]).fold(0.0, f64::max);
+        if set.zero[g] && pull > model.penalty.group + tolerance {
+            return None;
+        }
+        if set.cone[g] && stationarity.cones.iter().any(|(index, m)| *index == g && *m == 0.0) {
+            set.cone[g] = false;
+            freed = true;
+        }
+    }
+    Some(freed)
+}
