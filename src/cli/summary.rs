@@ -40,10 +40,10 @@ impl From<identify::Counts> for Counts {
 fn errors(fit: Option<Fit>, units: Units) -> PoseErrors {
     let Some(fit) = fit else { return PoseErrors::default() };
     PoseErrors {
-        position_rms: Some(fit.position_rms),
-        position_max: Some(fit.position_max),
-        rotation_rms: Some(fit.rotation_rms),
-        rotation_max: Some(fit.rotation_max),
+        position_rms: fit.position.map(|p| p.rms),
+        position_max: fit.position.map(|p| p.max),
+        rotation_rms: fit.rotation.map(|r| r.rms),
+        rotation_max: fit.rotation.map(|r| r.max),
         weighted_rms: Some(fit.weighted_rms),
     }
     .in_units(units)
@@ -232,8 +232,9 @@ pub fn summary(of: &Summary<'_>) -> String {
         format!("max/{angle}"),
         "in noise"
     ));
-    let before = "before";
-    let after = "after";
+    let metres = |v: Option<f64>| v.map_or("-".into(), |v| digits(problem.units.from_metres(v)));
+    let radians = |v: Option<f64>| v.map_or("-".into(), |v| digits(problem.units.from_radians(v)));
+    let (before, after) = ("before", "after");
     for (name, when, fit) in [
         ("training", before, found.fit.0),
         ("", after, found.fit.1),
@@ -245,10 +246,10 @@ pub fn summary(of: &Summary<'_>) -> String {
             "{:10} {:9} {:>12} {:>12} {:>12} {:>12} {:>9}\n",
             name,
             when,
-            digits(problem.units.from_metres(fit.position_rms)),
-            digits(problem.units.from_metres(fit.position_max)),
-            digits(problem.units.from_radians(fit.rotation_rms)),
-            digits(problem.units.from_radians(fit.rotation_max)),
+            metres(fit.position.map(|p| p.rms)),
+            metres(fit.position.map(|p| p.max)),
+            radians(fit.rotation.map(|r| r.rms)),
+            radians(fit.rotation.map(|r| r.max)),
             digits(fit.weighted_rms),
         ));
     }
