@@ -11,8 +11,6 @@ use faer::{Mat, MatMut};
 
 /// Nearness to a limit or to zero, in units of the program, at which a candidate counts as there.
 const NEAR: f64 = 1e-6;
-/// Newton steps, each with one look at the active set.
-const PASSES: usize = 15;
 /// Proximal weight, relative to the squared column norms, that keeps the factor of a deficient Jacobian regular.
 const PROXIMAL: f64 = 1e-20;
 /// Size of a multiplier, relative to its measure, from which its sign counts.
@@ -35,10 +33,16 @@ struct ActiveSet {
 }
 
 /// The polished point; `None` where the loss has no quadratic or the active set does not settle.
-pub fn polish(model: &Model, here: &Here, candidate: &[f64], unit: &[f64]) -> Option<Vec<f64>> {
+pub fn polish(
+    model: &Model,
+    here: &Here,
+    candidate: &[f64],
+    unit: &[f64],
+    passes: usize,
+) -> Option<Vec<f64>> {
     let mut u = candidate.to_vec();
     let mut set = guess(model, &mut u, unit);
-    for _ in 0..PASSES {
+    for _ in 0..passes {
         let quadratic = model.loss.quadratic(here, &here.predict(&u))?;
         let free = free_directions(model, &set, &u);
         let before = u.clone();
