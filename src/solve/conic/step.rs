@@ -52,7 +52,7 @@ const ROUNDS: usize = 12;
 /// Newton steps of a polish, each with one look at the active set.
 const PASSES: usize = 15;
 /// The same from the active set of the point itself, before clarabel is asked.
-const WARM_PASSES: usize = 5;
+const WARM_PASSES: usize = 12;
 /// KKT residual of a program's solution that needs no other witness.
 const VERIFIED: f64 = 1e-11;
 /// Nearness to a limit, in units of the program, from which an unpolished point is put on it.
