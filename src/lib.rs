@@ -1,6 +1,7 @@
 //! Kinematic calibration of parallel and serial manipulators.
 
 pub mod calibration;
+pub mod files;
 pub mod identify;
 pub mod lie;
 pub mod linalg;

@@ -3,10 +3,10 @@
 use super::coordinates::Coordinates;
 use super::rows::write_rows;
 use super::sample::{Sample, SetAside};
-use crate::linalg::RowStream;
+use crate::linalg::{self, RowStream};
 use crate::measure::Row;
 use crate::model::{Geometry, Mechanism, Posture};
-use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Problem};
+use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Problem, cost};
 use faer::Mat;
 use rayon::prelude::*;
 
@@ -137,6 +137,18 @@ impl<'a> Calibration<'a> {
         Ok(stream.finish())
     }
 
+    /// All rows `[J r]` in slice columns, the minimal Jacobian in its cheapest coordinates (m x (count + 1)).
+    pub fn slice_rows(&self, geometry: &Geometry) -> Result<Mat<f64>, EvalError> {
+        let mut sliced = Mat::<f64>::zeros(self.rows(), self.coordinates.slice_count() + 1);
+        let mut row = 0;
+        self.visit(&self.starts, geometry, |posture, rows| {
+            let out = sliced.as_mut().subrows_mut(row, rows.len());
+            write_rows(self.mechanism, &self.coordinates, posture, rows, out);
+            row += rows.len();
+        })?;
+        Ok(sliced)
+    }
+
     fn at(&self, x: &[f64]) -> (Vec<f64>, Geometry) {
         let d = self.coordinates.deviations(x);
         let geometry = self.mechanism.deviated(&d);
@@ -185,14 +197,7 @@ impl Problem for Calibration<'_> {
     fn linearize(&self, x: &[f64]) -> Result<Linearized, EvalError> {
         let (d, geometry) = self.at(x);
         let columns = self.coordinates.slice_count();
-        let total = self.rows();
-        let mut sliced = Mat::<f64>::zeros(total, columns + 1);
-        let mut row = 0;
-        self.visit(&self.starts, &geometry, |posture, rows| {
-            let out = sliced.as_mut().subrows_mut(row, rows.len());
-            write_rows(self.mechanism, &self.coordinates, posture, rows, out);
-            row += rows.len();
-        })?;
+        let sliced = self.slice_rows(&geometry)?;
         let r = sliced.col(columns).iter().copied().collect();
         let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
         Ok(Linearized { r, jac: self.carry(&sliced.get(.., ..columns).to_owned(), &transforms) })
@@ -203,6 +208,21 @@ impl Problem for Calibration<'_> {
         let sliced = self.compress_slice(&geometry)?;
         let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
         Ok(Compressed { jac: self.carry(&sliced.jac, &transforms), r: sliced.r, cost: sliced.cost })
+    }
+
+    fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), EvalError> {
+        let (d, geometry) = self.at(x);
+        let columns = self.coordinates.slice_count();
+        let sliced = self.slice_rows(&geometry)?;
+        let r: Vec<f64> = sliced.col(columns).iter().copied().collect();
+        let by_slice = linalg::mul_transpose(sliced.get(.., ..columns), &r);
+        let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
+        let mut by_x = Vec::with_capacity(x.len());
+        for (limb, transform) in self.coordinates.limbs.iter().zip(&transforms) {
+            let part = &by_slice[limb.slice_offset..limb.slice_offset + limb.slice.len()];
+            by_x.extend(linalg::mul_transpose(transform.as_ref(), part));
+        }
+        Ok((cost(&r), by_x))
     }
 
     fn redundant(&self, x: &[f64]) -> Mat<f64> {

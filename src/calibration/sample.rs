@@ -46,7 +46,7 @@ impl Sample {
         }
         let mut failure = None;
         if let Some(pose) = self.measurement.pose() {
-            let (passive, _) = passive_at_pose(mechanism, geometry, &self.actuators, &home, pose);
+            let passive = passive_at_pose(mechanism, geometry, &self.actuators, &home, pose);
             posture.set_joints(mechanism, &self.actuators, &passive);
             let mode = posture.assembly_mode(mechanism, geometry);
             match posture.close(mechanism, geometry) {

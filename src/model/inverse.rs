@@ -1,102 +1,95 @@
 //! Ways to a closed posture: from a measured pose, or from home along the actuators' path.
 
+use super::limb::Limb;
 use super::mechanism::{Geometry, Mechanism, pose_difference};
-use super::posture::{NotClosed, Posture};
+use super::passive::PassiveSplit;
+use super::posture::{LONGEST_STEP, NotClosed, Posture, scaled};
 use crate::lie::Se3;
-use nalgebra::{DMatrix, DVector};
 
 const MAX_ITERATIONS: usize = 60;
-/// Relative reduction of the gap below which inverse kinematics stops.
-const STALLED: f64 = 1e-10;
+/// Relative reduction of the gap below which inverse kinematics stops: it is a start for closure, no more.
+const STALLED: f64 = 1e-3;
 /// Shortest part of the way from home that continuation takes in one go.
 const SHORTEST_STRIDE: f64 = 1.0 / 1024.0;
 
 /// Passive joint variables (machine order) that bring each limb's tool closest to `pose`, actuators held.
 ///
-/// Levenberg-Marquardt per limb from `passive`; distances in machine sizes. The second value is the largest
-/// gap that remains, rad and machine sizes: for a machine near nominal it has the size of its errors.
+/// Gauss-Newton per limb from `passive`, steps halved until the gap shrinks; distances in machine sizes.
 pub fn passive_at_pose(
     mechanism: &Mechanism,
     geometry: &Geometry,
     actuators: &[f64],
     passive: &[f64],
     pose: &Se3,
-) -> (Vec<f64>, f64) {
+) -> Vec<f64> {
     let length = mechanism.characteristic_length();
     let (mut actuator, mut joint) = (0, 0);
-    let mut solved = Vec::with_capacity(passive.len());
-    let mut worst = 0.0_f64;
+    let mut solved = passive.to_vec();
     for (limb, links) in mechanism.limbs.iter().zip(&geometry.limbs) {
         let m = limb.passive_count();
-        let a = &actuators[actuator..actuator + limb.joints.len() - m];
-        let mut theta = passive[joint..joint + m].to_vec();
-        let gap = limb_at_pose(limb, links, a, &mut theta, pose, length);
-        worst = worst.max(gap);
-        solved.extend(theta);
-        actuator += limb.joints.len() - m;
+        let active = limb.joints.len() - m;
+        let a = &actuators[actuator..actuator + active];
+        limb_at_pose(limb, links, a, &mut solved[joint..joint + m], pose, length);
+        actuator += active;
         joint += m;
     }
-    (solved, worst)
+    solved
 }
 
-fn limb_at_pose(
-    limb: &super::Limb,
-    links: &[Se3],
-    actuators: &[f64],
-    theta: &mut [f64],
-    pose: &Se3,
-    length: f64,
-) -> f64 {
-    let m = theta.len();
-    let evaluate = |theta: &[f64]| -> (DVector<f64>, DMatrix<f64>) {
+fn limb_at_pose(limb: &Limb, links: &[Se3], actuators: &[f64], theta: &mut [f64], pose: &Se3, length: f64) {
+    let mut before = Vec::with_capacity(limb.joints.len());
+    let place = |theta: &[f64], before: &mut Vec<Se3>| -> Se3 {
         let (mut a, mut p) = (actuators.iter(), theta.iter());
         let mut at = links[0];
-        let mut before = Vec::with_capacity(limb.joints.len());
+        before.clear();
         for (joint, link) in limb.joints.iter().zip(&links[1..]) {
             let q = if joint.actuated { a.next() } else { p.next() };
             before.push(at);
             at = joint.motion.moved(&at, q.copied().unwrap_or(0.0)) * *link;
         }
-        let (w, v) = pose_difference(pose, &at);
-        let gap = DVector::from_iterator(6, w.iter().copied().chain(v.iter().map(|v| v / length)));
-        let mut jacobian = DMatrix::zeros(6, m);
-        let mut column = 0;
-        for (joint, g) in limb.joints.iter().zip(&before).filter(|(joint, _)| !joint.actuated) {
-            let twist = joint.motion.tool_twist(g, &at.p);
-            for i in 0..6 {
-                jacobian[(i, column)] = if i < 3 { twist[i] } else { twist[i] / length };
-            }
-            column += 1;
-        }
-        (gap, jacobian)
+        at
     };
-    let (mut gap, mut jacobian) = evaluate(theta);
-    let mut damping = 1e-6;
+    let gap = |at: &Se3| -> ([f64; 6], f64) {
+        let (w, v) = pose_difference(pose, at);
+        let gap = [w.x, w.y, w.z, v.x / length, v.y / length, v.z / length];
+        (gap, gap.iter().map(|v| v * v).sum::<f64>().sqrt())
+    };
+    let mut split = PassiveSplit::rigid();
+    let mut columns = Vec::with_capacity(6);
+    let mut at = place(theta, &mut before);
+    let (mut twist, mut size) = gap(&at);
+    let mut trial = theta.to_vec();
     for _ in 0..MAX_ITERATIONS {
-        let mut augmented = DMatrix::zeros(6 + m, m);
-        augmented.view_mut((0, 0), (6, m)).copy_from(&jacobian);
-        augmented.view_mut((6, 0), (m, m)).fill_diagonal(f64::sqrt(damping));
-        let mut target = DVector::zeros(6 + m);
-        target.rows_mut(0, 6).copy_from(&gap);
-        let qr = augmented.qr();
-        let Some(step) = qr.r().solve_upper_triangular(&(qr.q().transpose() * target)) else { break };
-        let trial: Vec<f64> = theta.iter().zip(step.iter()).map(|(t, s)| t + s).collect();
-        let (next_gap, next_jacobian) = evaluate(&trial);
-        if next_gap.norm() < gap.norm() {
-            let stalled = gap.norm() - next_gap.norm() <= STALLED * gap.norm();
-            theta.copy_from_slice(&trial);
-            (gap, jacobian) = (next_gap, next_jacobian);
-            damping = (damping * 0.1).max(1e-12);
-            if stalled {
-                break;
+        columns.clear();
+        for (joint, g) in limb.joints.iter().zip(&before).filter(|(joint, _)| !joint.actuated) {
+            columns.push(scaled(joint.motion.tool_twist(g, &at.p), length));
+        }
+        split.factor(&columns);
+        let step = split.motions(&twist);
+        let longest = step.iter().fold(0.0_f64, |m, s| m.max(s.abs()));
+        let mut fraction = LONGEST_STEP / longest.max(LONGEST_STEP);
+        let shrunk = loop {
+            for ((t, from), s) in trial.iter_mut().zip(theta.iter()).zip(&step) {
+                *t = from + fraction * s;
             }
-        } else if damping > 1e6 || step.norm() < 1e-14 {
-            break;
-        } else {
-            damping *= 10.0;
+            let reached = place(&trial, &mut before);
+            let (next, next_size) = gap(&reached);
+            if next_size < size {
+                let shrunk = size - next_size;
+                theta.copy_from_slice(&trial);
+                (at, twist, size) = (reached, next, next_size);
+                break shrunk;
+            }
+            fraction *= 0.5;
+            if fraction < 1e-3 {
+                break 0.0;
+            }
+        };
+        // The gap need not vanish, so its decrease is what tells the end.
+        if shrunk <= STALLED * size || longest < STALLED {
+            return;
         }
     }
-    gap.norm()
 }
 
 /// Closes the posture by following the straight path of the actuators from home, in strides short enough

@@ -27,31 +27,33 @@ impl PassiveSplit {
     /// passive twists stay independent, so that the sign of `det Jr` tells assembly modes apart.
     pub fn factor(&mut self, columns: &[[f64; 6]]) {
         let m = columns.len();
-        *self = Self::rigid();
         self.m = m;
         self.r[..m].copy_from_slice(columns);
+        // Columns of Q', so that a reflection works on contiguous vectors of fixed length.
+        let mut q = Self::rigid().q;
         let mut positive = true;
         for k in 0..m {
             let norm = self.r[k][k..].iter().map(|v| v * v).sum::<f64>().sqrt();
             if norm == 0.0 {
                 continue;
             }
-            let alpha = if self.r[k][k] > 0.0 { -norm } else { norm };
-            let mut v = [0.0; 6];
-            v[k..].copy_from_slice(&self.r[k][k..]);
+            let pivot = self.r[k][k];
+            let alpha = if pivot > 0.0 { -norm } else { norm };
+            let mut v = self.r[k];
+            v[..k].fill(0.0);
             v[k] -= alpha;
-            let beta = 2.0 / v[k..].iter().map(|a| a * a).sum::<f64>();
-            for column in self.r[k..m].iter_mut() {
-                reflect(&v, beta, k, column);
-            }
-            for i in 0..6 {
-                let s = beta * (k..6).map(|l| v[l] * self.q[l][i]).sum::<f64>();
-                for l in k..6 {
-                    self.q[l][i] -= s * v[l];
-                }
+            // |v|^2 / 2
+            let scale = 1.0 / (alpha * (alpha - pivot));
+            for column in self.r[k..m].iter_mut().chain(&mut q) {
+                reflect(&v, scale, column);
             }
             // A reflection has determinant -1, and so does each negative pivot.
             positive ^= alpha > 0.0;
+        }
+        for (l, row) in self.q.iter_mut().enumerate() {
+            for (entry, column) in row.iter_mut().zip(&q) {
+                *entry = column[l];
+            }
         }
         if !positive && m < 6 {
             for value in &mut self.q[m] {
@@ -82,9 +84,12 @@ impl PassiveSplit {
     }
 }
 
-fn reflect(v: &[f64; 6], beta: f64, from: usize, column: &mut [f64; 6]) {
-    let s = beta * (from..6).map(|l| v[l] * column[l]).sum::<f64>();
-    for l in from..6 {
+#[inline(always)]
+fn reflect(v: &[f64; 6], scale: f64, column: &mut [f64; 6]) {
+    // Summed as a tree: a chain of six additions would be waited for.
+    let p: [f64; 6] = std::array::from_fn(|l| v[l] * column[l]);
+    let s = scale * ((p[0] + p[1]) + (p[2] + p[3]) + (p[4] + p[5]));
+    for l in 0..6 {
         column[l] -= s * v[l];
     }
 }

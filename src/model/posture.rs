@@ -15,7 +15,7 @@ const CLOSED: f64 = 1e-13;
 const CLOSED_TO_ROUNDING: f64 = 1e-10;
 const MAX_ITERATIONS: usize = 40;
 /// Longest Newton step of one joint, rad or machine sizes.
-const LONGEST_STEP: f64 = 0.4;
+pub(super) const LONGEST_STEP: f64 = 0.4;
 /// Reciprocal condition of `Jr` below which a posture counts as singular.
 const SINGULAR: f64 = 1e-9;
 
@@ -227,7 +227,8 @@ impl Posture {
         (s[5] <= SINGULAR * s[0]).then(|| (s[5] / s[0], self.free_motion()))
     }
 
-    fn is_open_chain(&self, mechanism: &Mechanism) -> bool {
+    /// Whether the machine is one limb without passive joints: there is nothing to close.
+    pub fn is_open_chain(&self, mechanism: &Mechanism) -> bool {
         mechanism.limbs.len() == 1 && mechanism.limbs[0].joints.iter().all(|joint| joint.actuated)
     }
 
@@ -356,7 +357,7 @@ impl Posture {
 }
 
 /// A tool twist with its length part in machine sizes.
-fn scaled(mut twist: [f64; 6], length: f64) -> [f64; 6] {
+pub(super) fn scaled(mut twist: [f64; 6], length: f64) -> [f64; 6] {
     for v in &mut twist[3..] {
         *v /= length;
     }

@@ -95,6 +95,12 @@ pub trait Problem: Sync {
         Ok(linalg::compress(&lin.jac, &lin.r))
     }
 
+    /// Cost `|r|^2 / 2` and its gradient `J'r` at `x`.
+    fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), EvalError> {
+        let lin = self.linearize(x)?;
+        Ok((cost(&lin.r), linalg::mul_transpose(lin.jac.as_ref(), &lin.r)))
+    }
+
     /// Orthonormal basis (n x k) of the directions at `x` that no residual can see by structure; k may be 0.
     fn redundant(&self, x: &[f64]) -> Mat<f64> {
         Mat::zeros(x.len(), 0)

@@ -2,9 +2,9 @@
 
 use super::identifier::{Identifier, SettingError, Stop};
 use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
-use super::split::{Split, Step};
+use super::split::{Model, Split};
 use crate::linalg::{self, norm};
-use crate::problem::{Compressed, Problem, cost};
+use crate::problem::{Compressed, Problem};
 
 /// Gauss-Newton on the minimal coordinates.
 ///
@@ -13,8 +13,9 @@ use crate::problem::{Compressed, Problem, cost};
 /// iteration minimises `|r|^2 / 2 + |P x|^2 / 2`, `P` the projector on the directions that are not kept, and takes
 /// a step only if that merit falls at its end; until then damping shortens it (docs/theory.md section 6).
 ///
-/// The split is settled as soon as the kept number repeats, and looked at again once converged, a few times at
-/// most: a singular value near the threshold cannot make the iteration swing.
+/// Split and curvature are renewed where the last step was long or not as good as promised, and kept otherwise,
+/// with the exact gradient: the end of an iteration costs no factorisation, and a singular value near the
+/// threshold cannot make it swing.
 #[derive(Clone, Copy, Debug)]
 pub struct Minimal {
     /// Signal-to-noise ratio above which a direction is kept.
@@ -35,12 +36,10 @@ const LARGEST_DAMPING: f64 = 1e16;
 const ROUNDING: f64 = 1e-13;
 /// Promised reduction, relative to the merit, that rounding of the residuals may hide.
 const UNJUDGED: f64 = 1e-9;
-/// Step, in tolerances, below which a kept number that repeats is settled.
-const SMALL_STEP: f64 = 0.3;
-/// Iterations after which the split is settled whatever it does.
-const SETTLED_AFTER: usize = 10;
-/// How often the split may change after convergence.
-const RESPLITS: usize = 3;
+/// Way, in tolerances, after which split and curvature are renewed.
+const FAR: f64 = 0.3;
+/// Renewals after which only the curvature is renewed, so that the merit is one and the same from then on.
+const SPLITS: usize = 12;
 
 impl Identifier for Minimal {
     fn name(&self) -> &'static str {
@@ -80,116 +79,129 @@ impl Identifier for Minimal {
             false => Estimate::LeastSquares,
         };
         let mut report = Report::new(self.name(), start, estimate);
-        let mut here = match problem.compress(start) {
-            Ok(here) => here,
-            Err(why) => return report.fail(Failure::Start(why.0)),
-        };
-        report.cost = here.cost;
         let mut damping = 0.0;
-        let mut last: Option<Split> = None;
-        let mut settled = false;
-        let mut resplits = 0;
-        let mut promised = f64::INFINITY;
+        let mut model: Option<Model> = None;
+        let mut settled: Option<Split> = None;
+        let mut splits = 0;
+        let (mut cost, mut gradient) = (f64::INFINITY, Vec::new());
+        let mut promised_before = f64::INFINITY;
         while report.trace.len() < stop.iterations {
-            let split = match last.take() {
-                Some(split) if settled => split,
-                before => match self.split(problem, &here) {
-                    Some(split) => {
-                        let near = report.trace.last().is_some_and(|last| last.step < SMALL_STEP);
-                        let long = report.trace.len() >= SETTLED_AFTER;
-                        settled = before.is_some_and(|b| near && b.kept() == split.kept()) || long;
-                        split
+            let fresh = model.is_none();
+            let current = match model.take() {
+                Some(kept) => kept,
+                None => match self.model(problem, &report.x, settled.take()) {
+                    Ok((renewed, at)) => {
+                        splits += 1;
+                        cost = at.cost;
+                        gradient = linalg::mul_transpose(at.jac.as_ref(), &at.r);
+                        renewed
                     }
-                    None => return report.fail(Failure::Evaluation("the Jacobian is not finite".into())),
+                    Err(why) if report.trace.is_empty() => return report.fail(Failure::Start(why)),
+                    Err(why) => return report.fail(Failure::Evaluation(why)),
                 },
             };
-            let merit = here.cost + split.penalty(&report.x);
-            let step = match self.descend(problem, &split, &here, &report.x, merit, &mut damping) {
-                Ok(step) => step,
-                Err(failure) => return report.fail(failure),
+            report.cost = cost;
+            let merit = cost + current.split.penalty(&report.x);
+            let step = loop {
+                let dx = match fresh {
+                    true => current.fresh_step(damping),
+                    false => current.stale_step(&report.x, &gradient, damping),
+                };
+                match self.try_step(problem, &current, &report.x, &gradient, merit, dx) {
+                    Ok(step) => break step,
+                    // A stale model is renewed before it is damped.
+                    Err(_) if !fresh => break None,
+                    Err(_) if damping < LARGEST_DAMPING => damping = (damping * 4.0).max(FIRST_DAMPING),
+                    Err(failure) => return report.fail(failure),
+                }
             };
-            report.x = report.x.iter().zip(&step.dx).map(|(x, dx)| x + dx).collect();
-            here = match problem.compress(&report.x) {
-                Ok(here) => here,
-                Err(why) => return report.fail(Failure::Evaluation(why.0)),
-            };
-            report.cost = here.cost;
+            settled = (splits >= SPLITS).then(|| current.split.clone());
+            let Some(step) = step else { continue };
+            let unjudged = step.promised <= UNJUDGED * merit;
+            let ratio = if unjudged { 1.0 } else { step.gained / step.promised };
             let length = norm(&step.dx);
-            report.trace.push(Iterate { cost: here.cost, step: length, kept: Some(split.kept()) });
+            report.x = report.x.iter().zip(&step.dx).map(|(x, dx)| x + dx).collect();
+            (cost, gradient) = (step.cost, step.gradient);
+            report.cost = cost;
+            report.trace.push(Iterate { cost, step: length, kept: Some(current.split.kept()) });
             // Steps whose promise no longer shrinks are rounding.
-            let at_rounding = step.predicted <= UNJUDGED * merit && step.predicted > 0.25 * promised;
-            promised = step.predicted;
+            let at_rounding = unjudged && step.promised > 0.25 * promised_before;
+            promised_before = step.promised;
             let criterion = if damping > 0.0 {
                 None
-            } else if here.cost == 0.0 {
+            } else if cost == 0.0 {
                 Some(Criterion::Zero)
             } else if length <= stop.step * (norm(&report.x) + stop.step) {
                 Some(Criterion::Step)
-            } else if step.predicted <= stop.cost * merit || at_rounding {
+            } else if step.promised <= stop.cost * merit || at_rounding {
                 Some(Criterion::Cost)
             } else {
                 None
             };
-            last = Some(split);
-            let Some(criterion) = criterion else { continue };
-            let Some(anew) = self.split(problem, &here) else { continue };
-            if last.as_ref().is_some_and(|last| last.kept() != anew.kept()) && resplits < RESPLITS {
-                resplits += 1;
-                promised = f64::INFINITY;
-                last = Some(anew);
-                settled = true;
-                continue;
+            if let Some(criterion) = criterion {
+                report.outcome = Outcome::Converged(criterion);
+                return report;
             }
-            report.outcome = Outcome::Converged(criterion);
-            return report;
+            if ratio > 0.75 {
+                damping = if damping <= FIRST_DAMPING { 0.0 } else { 0.3 * damping };
+            } else if ratio < 0.25 {
+                damping = (damping * 2.0).max(FIRST_DAMPING);
+            }
+            if length <= FAR && (0.5..1.5).contains(&ratio) {
+                model = Some(current);
+            }
         }
         report
     }
 }
 
-impl Minimal {
-    fn split(&self, problem: &dyn Problem, here: &Compressed) -> Option<Split> {
-        if problem.has_prior() {
-            return Split::at(here, self.threshold, true);
-        }
-        let largest = linalg::singular_values(here.jac.as_ref())?.first().copied().unwrap_or(0.0);
-        Split::at(here, ROUNDING * largest, false)
-    }
+/// A step that was taken, and what it led to.
+struct Taken {
+    dx: Vec<f64>,
+    promised: f64,
+    gained: f64,
+    cost: f64,
+    gradient: Vec<f64>,
+}
 
-    /// The first of ever more damped steps that lowers the merit.
-    fn descend(
+impl Minimal {
+    /// Gauss-Newton model at `x`, under the given split or a new one.
+    fn model(
         &self,
         problem: &dyn Problem,
-        split: &Split,
-        here: &Compressed,
         x: &[f64],
+        settled: Option<Split>,
+    ) -> Result<(Model, Compressed), String> {
+        let here = problem.compress(x).map_err(|why| why.0)?;
+        let split = match settled {
+            Some(split) => Some(split),
+            None if problem.has_prior() => Split::at(&here, self.threshold, true),
+            None => linalg::singular_values(here.jac.as_ref())
+                .and_then(|s| Split::at(&here, ROUNDING * s.first().copied().unwrap_or(0.0), false)),
+        };
+        let split = split.ok_or("the Jacobian is not finite")?;
+        Ok((Model::new(&here, split, x), here))
+    }
+
+    /// Takes the step if the merit falls at its end, or if it promises less than rounding can show.
+    fn try_step(
+        &self,
+        problem: &dyn Problem,
+        model: &Model,
+        x: &[f64],
+        gradient: &[f64],
         merit: f64,
-        damping: &mut f64,
-    ) -> Result<Step, Failure> {
-        let mut why = None;
-        loop {
-            if let Some(step) = split.step(here, x, *damping) {
-                let trial: Vec<f64> = x.iter().zip(&step.dx).map(|(x, dx)| x + dx).collect();
-                match problem.residual(&trial) {
-                    Ok(r) => {
-                        let gained = merit - cost(&r) - split.penalty(&trial);
-                        if gained >= 0.0 || step.predicted <= UNJUDGED * merit {
-                            let ratio = gained / step.predicted;
-                            if ratio > 0.75 || step.predicted <= UNJUDGED * merit {
-                                *damping = if *damping <= FIRST_DAMPING { 0.0 } else { 0.3 * *damping };
-                            } else if ratio < 0.25 {
-                                *damping = (*damping * 2.0).max(FIRST_DAMPING);
-                            }
-                            return Ok(step);
-                        }
-                    }
-                    Err(error) => why = Some(error.0),
-                }
-            }
-            *damping = (*damping * 4.0).max(FIRST_DAMPING);
-            if *damping > LARGEST_DAMPING {
-                return Err(why.map_or(Failure::NoDescent, Failure::Evaluation));
-            }
+        dx: Option<Vec<f64>>,
+    ) -> Result<Option<Taken>, Failure> {
+        let dx = dx.ok_or(Failure::NoDescent)?;
+        let promised = model.promise(x, gradient, &dx);
+        let trial: Vec<f64> = x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
+        let (cost, gradient) = problem.gradient(&trial).map_err(|why| Failure::Evaluation(why.0))?;
+        let gained = merit - cost - model.split.penalty(&trial);
+        if gained >= 0.0 || promised <= UNJUDGED * merit {
+            Ok(Some(Taken { dx, promised, gained, cost, gradient }))
+        } else {
+            Err(Failure::NoDescent)
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Which directions of the coordinates are left to the data, and the step that follows.
+//! Which directions of the coordinates are left to the data, and the steps that follow.
 
 use crate::linalg::{self, upper_factor};
 use crate::problem::Compressed;
@@ -19,14 +19,6 @@ pub struct Split {
     kept: usize,
     /// Whether the prior holds `x` near 0 there; else the step just leaves these directions alone.
     prior: bool,
-}
-
-/// The step and what the linear model promises of it.
-pub struct Step {
-    /// `dx`, n.
-    pub dx: Vec<f64>,
-    /// Predicted reduction of the merit by the undamped step.
-    pub predicted: f64,
 }
 
 impl Split {
@@ -65,32 +57,90 @@ impl Split {
         0.5 * linalg::mul_transpose(self.anchors.as_ref(), x).iter().map(|a| a * a).sum::<f64>()
     }
 
-    /// Minimiser of `|J dx + r|^2 + |P (x + dx)|^2 + damping |D dx|^2`, by QR of the stacked rows.
-    ///
-    /// `D` is 1 in tolerance units, else the norms of the Jacobian's columns.
-    pub fn step(&self, here: &Compressed, x: &[f64], damping: f64) -> Option<Step> {
-        let (k, n, m) = (here.jac.nrows(), x.len(), self.anchors.ncols());
-        let damped = if damping > 0.0 { n } else { 0 };
-        let mut rows = Mat::<f64>::zeros(k + m + damped, n + 1);
+    /// Gradient of [`penalty`](Self::penalty).
+    fn pull(&self, x: &[f64]) -> Vec<f64> {
+        if !self.prior {
+            return vec![0.0; x.len()];
+        }
+        linalg::mul(self.anchors.as_ref(), &linalg::mul_transpose(self.anchors.as_ref(), x))
+    }
+}
+
+/// Triangular factor of the Gauss-Newton model `|J dx + r|^2 + |P (x + dx)|^2`, kept while steps are small.
+pub struct Model {
+    /// The split under which it was made.
+    pub split: Split,
+    /// `[R, Q'(-r)]` of the stacked rows, n x (n + 1).
+    factor: Mat<f64>,
+    /// Column norms of the Jacobian, in which damping is measured without a prior.
+    scale: Vec<f64>,
+}
+
+impl Model {
+    /// The model at `x`.
+    pub fn new(here: &Compressed, split: Split, x: &[f64]) -> Self {
+        let (k, n, m) = (here.jac.nrows(), x.len(), split.anchors.ncols());
+        // Rows of zeros make the factor square where there are fewer residuals than parameters.
+        let mut rows = Mat::<f64>::zeros((k + m).max(n), n + 1);
         rows.as_mut().submatrix_mut(0, 0, k, n).copy_from(&here.jac);
+        rows.as_mut().submatrix_mut(k, 0, m, n).copy_from(split.anchors.transpose());
         for i in 0..k {
             rows[(i, n)] = -here.r[i];
         }
-        rows.as_mut().submatrix_mut(k, 0, m, n).copy_from(self.anchors.transpose());
-        if self.prior {
-            for (i, along) in linalg::mul_transpose(self.anchors.as_ref(), x).iter().enumerate() {
+        if split.prior {
+            for (i, along) in linalg::mul_transpose(split.anchors.as_ref(), x).iter().enumerate() {
                 rows[(k + i, n)] = -along;
             }
         }
-        for j in 0..damped {
-            let scale = if self.prior { 1.0 } else { here.jac.col(j).norm_l2().max(f64::MIN_POSITIVE) };
-            rows[(k + m + j, j)] = damping.sqrt() * scale;
+        let scale = match split.prior {
+            true => vec![1.0; n],
+            false => (0..n).map(|j| here.jac.col(j).norm_l2().max(f64::MIN_POSITIVE)).collect(),
+        };
+        Self { split, factor: upper_factor(rows.as_mut()), scale }
+    }
+
+    /// The step at the point where the model was made, damped by `damping |D dx|^2`.
+    pub fn fresh_step(&self, damping: f64) -> Option<Vec<f64>> {
+        let n = self.scale.len();
+        if damping == 0.0 {
+            return solve_upper(&self.factor, n, (0..n).map(|i| self.factor[(i, n)]).collect());
         }
-        let factor = upper_factor(rows.as_mut());
-        let dx = solve_upper(&factor, n)?;
-        // For the undamped step this is (|rhs|^2 - |residual|^2) / 2.
-        let predicted = 0.5 * (0..n.min(factor.nrows())).map(|i| factor[(i, n)].powi(2)).sum::<f64>();
-        Some(Step { dx, predicted })
+        let damped = self.damped(damping);
+        solve_upper(&damped, n, (0..n).map(|i| damped[(i, n)]).collect())
+    }
+
+    /// The step at another point `x`, where the gradient of the cost is `gradient`: the exact gradient with the
+    /// curvature of the point where the model was made (semi-normal equations).
+    pub fn stale_step(&self, x: &[f64], gradient: &[f64], damping: f64) -> Option<Vec<f64>> {
+        let n = x.len();
+        let mut rhs: Vec<f64> =
+            gradient.iter().zip(self.split.pull(x)).map(|(g, pull)| -(g + pull)).collect();
+        if damping == 0.0 {
+            solve_upper_transpose(&self.factor, &mut rhs)?;
+            return solve_upper(&self.factor, n, rhs);
+        }
+        let damped = self.damped(damping);
+        solve_upper_transpose(&damped, &mut rhs)?;
+        solve_upper(&damped, n, rhs)
+    }
+
+    /// Reduction of the merit that the model promises of `dx`, given the merit's gradient at the point.
+    pub fn promise(&self, x: &[f64], gradient: &[f64], dx: &[f64]) -> f64 {
+        let n = dx.len();
+        let pull = self.split.pull(x);
+        let slope: f64 = gradient.iter().zip(&pull).zip(dx).map(|((g, p), d)| (g + p) * d).sum();
+        let curved = linalg::mul(self.factor.get(..n, ..n), dx);
+        -slope - 0.5 * curved.iter().map(|v| v * v).sum::<f64>()
+    }
+
+    fn damped(&self, damping: f64) -> Mat<f64> {
+        let n = self.scale.len();
+        let mut rows = Mat::<f64>::zeros(2 * n, n + 1);
+        rows.as_mut().submatrix_mut(0, 0, n, n + 1).copy_from(self.factor.get(..n, ..));
+        for (j, scale) in self.scale.iter().enumerate() {
+            rows[(n + j, j)] = damping.sqrt() * scale;
+        }
+        upper_factor(rows.as_mut())
     }
 }
 
@@ -101,12 +151,8 @@ pub fn prior_weight(s: f64) -> f64 {
     ((s.max(1.0).powi(-2) - edge) / (1.0 - edge)).max(0.0)
 }
 
-/// Solves the triangle in the first n columns for the last one; `None` where a pivot is zero to rounding.
-fn solve_upper(factor: &Mat<f64>, n: usize) -> Option<Vec<f64>> {
-    if factor.nrows() < n {
-        return None;
-    }
-    let mut z: Vec<f64> = (0..n).map(|i| factor[(i, n)]).collect();
+/// Solves `R z = rhs` with the triangle in the first n columns; `None` where a pivot is zero.
+fn solve_upper(factor: &Mat<f64>, n: usize, mut z: Vec<f64>) -> Option<Vec<f64>> {
     for j in (0..n).rev() {
         let pivot = factor[(j, j)];
         if pivot == 0.0 {
@@ -119,6 +165,19 @@ fn solve_upper(factor: &Mat<f64>, n: usize) -> Option<Vec<f64>> {
         }
     }
     z.iter().all(|v| v.is_finite()).then_some(z)
+}
+
+/// Solves `R' z = rhs` in place; `None` where a pivot is zero.
+fn solve_upper_transpose(factor: &Mat<f64>, z: &mut [f64]) -> Option<()> {
+    for j in 0..z.len() {
+        let pivot = factor[(j, j)];
+        if pivot == 0.0 {
+            return None;
+        }
+        let known: f64 = z[..j].iter().zip(factor.col(j).iter()).map(|(z, f)| z * f).sum();
+        z[j] = (z[j] - known) / pivot;
+    }
+    Some(())
 }
 
 /// Frobenius norm of the inverse of a square factor of `jac` (k x n, k >= n), infinite where it is singular.

@@ -1,0 +1,174 @@
+//! Columns of a table: which of them hold what.
+
+use super::error::{FileError, quoted};
+use super::fault::Fault;
+use super::place::Place;
+use super::table::{PoseColumns, TableRequest};
+use serde::{Deserialize, Serialize};
+
+const POSITION: [&str; 3] = ["x", "y", "z"];
+const ROTATION: [&str; 3] = ["rx", "ry", "rz"];
+const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
+
+/// Names of the columns of a table that does not use ours. Columns that are not named are left aside.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColumnsDrawing {
+    /// One per actuator, in actuator order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub actuators: Option<Vec<String>>,
+    /// Of the position.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<[String; 3]>,
+    /// Of the rotation vector.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<[String; 3]>,
+    /// Of the quaternion `[w, x, y, z]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quaternion: Option<[String; 4]>,
+}
+
+/// Where in a row everything stands.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Layout {
+    pub actuators: Vec<usize>,
+    pub position: Option<[usize; 3]>,
+    pub rotation: Option<[usize; 3]>,
+    pub quaternion: Option<[usize; 4]>,
+    /// Columns that must hold a text for the row to count.
+    pub filter: Vec<(usize, String)>,
+}
+
+struct Header<'a> {
+    names: Vec<&'a str>,
+    at: &'a Place<'a>,
+}
+
+impl Header<'_> {
+    fn find(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|found| *found == name)
+    }
+
+    fn missing(&self, wanted: String) -> FileError {
+        let found: Vec<String> = self.names.iter().take(20).map(|name| quoted(name)).collect();
+        let more = if self.names.len() > found.len() { "..." } else { "" };
+        self.at.error(Fault::NoColumn { wanted, found: format!("{}{more}", found.join(", ")) })
+    }
+
+    fn need(&self, name: &str) -> Result<usize, FileError> {
+        self.find(name).ok_or_else(|| self.missing(quoted(name)))
+    }
+
+    /// All of the columns, or `None` where the first is missing.
+    fn group<const N: usize>(&self, names: [&str; N]) -> Result<Option<[usize; N]>, FileError> {
+        let mut found = [0; N];
+        for (place, name) in found.iter_mut().zip(names) {
+            *place = match self.find(name) {
+                Some(column) => column,
+                None if names.iter().any(|other| self.find(other).is_some()) => self.need(name)?,
+                None => return Ok(None),
+            };
+        }
+        Ok(Some(found))
+    }
+
+    /// The columns that a problem file names.
+    fn named<const N: usize>(&self, names: &[String; N]) -> Result<[usize; N], FileError> {
+        let mut found = [0; N];
+        for (place, name) in found.iter_mut().zip(names) {
+            *place = self.need(name)?;
+        }
+        Ok(found)
+    }
+
+    fn actuators(&self, request: &TableRequest<'_>) -> Result<Vec<usize>, FileError> {
+        let wanted = request.actuators.len();
+        if let Some(names) = request.columns.and_then(|columns| columns.actuators.as_ref()) {
+            if names.len() != wanted {
+                let names = request.actuators.join(", ");
+                let fault = Fault::ActuatorCount { found: names.len(), wanted, names };
+                return Err(self.at.error(fault));
+            }
+            return names.iter().map(|name| self.need(name)).collect();
+        }
+        let by_name = request.actuators.iter().any(|name| self.find(name).is_some());
+        let columns = request.actuators.iter().enumerate().map(|(i, name)| {
+            let number = format!("q{}", i + 1);
+            let column = if by_name { self.find(name) } else { self.find(&number) };
+            column.ok_or_else(|| self.missing(format!("{} (or `{number}`)", quoted(name))))
+        });
+        columns.collect()
+    }
+
+    /// Refuses columns that mean nothing, where the table uses our names.
+    fn check_known(&self, layout: &Layout) -> Result<(), FileError> {
+        let ours = POSITION.iter().chain(&ROTATION).chain(&QUATERNION);
+        let ours: Vec<&str> = ours.copied().collect();
+        let unknown = self.names.iter().enumerate().find(|(i, name)| {
+            !layout.actuators.contains(i)
+                && !layout.filter.iter().any(|(column, _)| column == i)
+                && !ours.contains(name)
+        });
+        match unknown {
+            None => Ok(()),
+            Some((_, name)) => Err(self.at.error(Fault::UnknownColumn {
+                found: quoted(name),
+                expected:
+                    "columns are one per actuator, called `limb.joint` or q1, q2..., then x, y, z and rx, \
+                           ry, rz or qw, qx, qy, qz; data.columns names others"
+                        .into(),
+            })),
+        }
+    }
+}
+
+impl Layout {
+    /// Finds the columns of `request` in the header.
+    pub(super) fn find(
+        names: Vec<&str>,
+        request: &TableRequest<'_>,
+        at: &Place<'_>,
+    ) -> Result<Layout, FileError> {
+        let mut sorted = names.clone();
+        sorted.sort_unstable();
+        if let Some(twice) =
+            sorted.windows(2).find_map(|pair| (pair.first() == pair.last()).then(|| pair.first()))
+        {
+            let name = twice.copied().unwrap_or_default();
+            return Err(at.error(Fault::TwoColumns(quoted(name))));
+        }
+        let header = Header { names, at };
+        let mut layout = Layout { actuators: header.actuators(request)?, ..Layout::default() };
+        for (name, text) in request.filter.into_iter().flatten() {
+            layout.filter.push((header.need(name)?, text.clone()));
+        }
+        if request.columns.is_none() {
+            header.check_known(&layout)?;
+        }
+        if request.poses == PoseColumns::Ignored {
+            return Ok(layout);
+        }
+        let own = request.columns;
+        layout.position = Some(match own.and_then(|columns| columns.position.as_ref()) {
+            Some(names) => header.named(names)?,
+            None => header.group(POSITION)?.ok_or_else(|| header.missing("`x`, `y`, `z`".into()))?,
+        });
+        if request.poses == PoseColumns::Position {
+            return Ok(layout);
+        }
+        let rotation = own.and_then(|columns| columns.rotation.as_ref());
+        let quaternion = own.and_then(|columns| columns.quaternion.as_ref());
+        if rotation.is_none() && quaternion.is_none() {
+            layout.rotation = header.group(ROTATION)?;
+            layout.quaternion = header.group(QUATERNION)?;
+        } else {
+            layout.rotation = rotation.map(|names| header.named(names)).transpose()?;
+            layout.quaternion = quaternion.map(|names| header.named(names)).transpose()?;
+        }
+        match (&layout.rotation, &layout.quaternion) {
+            (None, None) => Err(at.error(Fault::NoRotation)),
+            (Some(_), Some(_)) => Err(at.error(Fault::TwoRotations)),
+            _ => Ok(layout),
+        }
+    }
+}

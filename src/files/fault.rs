@@ -1,0 +1,132 @@
+//! Everything that can be wrong with a file, in words that say what to do.
+
+/// What is wrong at a place of a file.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "each variant's message is its documentation")]
+pub enum Fault {
+    #[error("cannot be read: {0}")]
+    Read(std::io::Error),
+    #[error("cannot be written: {0}")]
+    Write(String),
+    #[error("the file is empty")]
+    Empty,
+    #[error("larger than {0} MB: this is no such file")]
+    TooLarge(u64),
+    #[error("not JSON: {0}")]
+    NotJson(String),
+    #[error("{0}")]
+    Schema(String),
+    #[error("the format is {found}; expected {expected}")]
+    Format { found: String, expected: &'static str },
+
+    #[error("{0} is not a finite number")]
+    NotFinite(f64),
+    #[error("{value} {unit} is too large: the limit is {limit} {unit}; are the units right?")]
+    Huge { value: f64, limit: f64, unit: &'static str },
+    #[error("{0} is negative; give a standard deviation, 0 to hold the link, or \"free\"")]
+    NegativeTolerance(f64),
+    #[error("{0} is negative; give the largest size that a component may have")]
+    NegativeBound(f64),
+
+    #[error("there is no limb; draw at least one")]
+    NoLimb,
+    #[error("the limb has no joints; draw at least one")]
+    NoJoint,
+    #[error("no joint is actuated; mark the driven or sensed joints with \"actuated\": true")]
+    NoActuator,
+    #[error("the name {0} is used twice; give each its own")]
+    DuplicateName(String),
+    #[error("the name is empty; leave it out or fill it in")]
+    EmptyName,
+    #[error("unknown joint type {found}; known types: {known}")]
+    UnknownType { found: String, known: String },
+    #[error("a {kind} joint has {wanted}: give \"{key}\"")]
+    AxisKey { kind: &'static str, wanted: &'static str, key: &'static str },
+    #[error("a {kind} joint has {wanted} axes, {found} given")]
+    AxisCount { kind: &'static str, wanted: usize, found: usize },
+    #[error("the axis is zero; give it a direction")]
+    ZeroAxis,
+    #[error("a {0} joint needs \"pitch\", its advance per revolution")]
+    NoPitch(&'static str),
+    #[error("a {0} joint has no pitch; remove it, or make the joint helical")]
+    Pitch(&'static str),
+    #[error("{found} values for the {wanted} axes of this joint; give one per axis, in chain order")]
+    OnePerAxis { wanted: usize, found: usize },
+    #[error("a range is [lowest, highest], or a list with one of them or null per axis")]
+    RangeForm,
+    #[error("the range begins at {0} and ends below, at {1}; give [lowest, highest]")]
+    RangeOrder(f64, f64),
+    #[error("no tool pose; give \"tool\" on the mechanism, or on each limb")]
+    NoTool,
+    #[error(
+        "no tolerance; \"tolerance\": {{\"angle\": ..., \"length\": ...}} on the mechanism covers all links"
+    )]
+    NoTolerance,
+
+    #[error("no position")]
+    NoPosition,
+    #[error(
+        "no rotation; give \"rotation\" or \"quaternion\", [null, null, null] where it was not measured, or \
+         \"kind\": \"position\" in data where it never was"
+    )]
+    NoRotation,
+    #[error("both rotation and quaternion given; remove one")]
+    TwoRotations,
+    #[error("a component is missing; this pose needs all of them")]
+    Incomplete,
+    #[error("some components of the rotation are missing; a rotation is measured wholly or not at all")]
+    PartRotation,
+    #[error("nothing was measured here; remove the sample")]
+    NothingMeasured,
+    #[error("the quaternion is zero")]
+    ZeroQuaternion,
+    #[error("the quaternion [w, x, y, z] has length {0}, not 1")]
+    QuaternionLength(f64),
+
+    #[error("{found} readings for {wanted} actuators ({names})")]
+    ActuatorCount { found: usize, wanted: usize, names: String },
+    #[error("{0} is no noise; give a positive standard deviation")]
+    Noise(f64),
+    #[error("noise of a measured {kind} needs \"{key}\", a positive standard deviation")]
+    NoiseMissing { kind: &'static str, key: &'static str },
+    #[error("both noise and covariance given; remove one")]
+    TwoNoises,
+    #[error("the covariance is not symmetric: entries [{0}][{1}] and [{1}][{0}] differ")]
+    Asymmetric(usize, usize),
+    #[error("the covariance is not positive definite")]
+    NotPositive,
+    #[error("unknown kind of measurement {found}; known kinds: {known}")]
+    UnknownKind { found: String, known: String },
+    #[error("both samples and file given; remove one")]
+    TwoSources,
+    #[error("{0} only makes sense with a data file; name it with \"file\"")]
+    WithoutFile(&'static str),
+    #[error("hold-out data have no hold-out of their own; remove it")]
+    NestedHoldout,
+    #[error("no measured poses; give \"samples\", or \"file\" with the name of a CSV file")]
+    NoSamples,
+    #[error(
+        "no such data file; looked for {0}; put it beside the problem file, or name its folder with --data-dir \
+         or its grandparent with the variable GOUGH_SHARED"
+    )]
+    NoDataFile(String),
+    #[error("the true machine has other actuators ({found}) than the mechanism ({wanted})")]
+    OtherActuators { found: String, wanted: String },
+
+    #[error("not a CSV table: {0}")]
+    Table(String),
+    #[error("no column {wanted}; the columns are {found}")]
+    NoColumn { wanted: String, found: String },
+    #[error("two columns are called {0}")]
+    TwoColumns(String),
+    #[error("unknown column {found}; {expected}")]
+    UnknownColumn { found: String, expected: String },
+    #[error("{found} cells where the header has {wanted}")]
+    CellCount { found: usize, wanted: usize },
+    #[error("{0} is not a number")]
+    NotNumber(String),
+    #[error("the reading is missing")]
+    NoReading,
+    #[error("there are no rows{0}")]
+    NoRows(String),
+}

@@ -1,0 +1,145 @@
+//! JSON text: read with the place of whatever is wrong, written with arrays of numbers on one line.
+
+use super::error::{FileError, quoted};
+use super::fault::Fault;
+use super::place::Place;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use serde_json::error::Category;
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::Path;
+
+/// Largest file that is read, MB.
+const LARGEST_FILE: u64 = 1024;
+/// Bytes read before a file that does not look like JSON is refused.
+const FIRST_LOOK: u64 = 4096;
+
+/// The bytes of a JSON file. A file that does not begin as an object is refused before the rest is read.
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
+    let name = path.display().to_string();
+    let fail = |why| FileError::whole(name.clone(), Fault::Read(why));
+    let mut file = File::open(path).map_err(fail)?;
+    let mut bytes = Vec::new();
+    (&mut file).take(FIRST_LOOK).read_to_end(&mut bytes).map_err(fail)?;
+    check_beginning(&name, &bytes)?;
+    file.take(LARGEST_FILE << 20).read_to_end(&mut bytes).map_err(fail)?;
+    if bytes.len() as u64 > LARGEST_FILE << 20 {
+        return Err(FileError::whole(name, Fault::TooLarge(LARGEST_FILE)));
+    }
+    Ok(bytes)
+}
+
+fn check_beginning(file: &str, bytes: &[u8]) -> Result<(), FileError> {
+    match without_mark(bytes).iter().find(|byte| !byte.is_ascii_whitespace()) {
+        Some(b'{') => Ok(()),
+        None if bytes.len() as u64 >= FIRST_LOOK => {
+            Err(FileError::whole(file, Fault::NotJson("it begins with blanks only".into())))
+        }
+        None => Err(FileError::whole(file, Fault::Empty)),
+        Some(_) => {
+            let text =
+                String::from_utf8_lossy(bytes.get(..bytes.len().min(20)).unwrap_or(bytes)).into_owned();
+            let why = format!("it begins with {} where an object begins with {{", quoted(&text));
+            Err(FileError::whole(file, Fault::NotJson(why)))
+        }
+    }
+}
+
+/// The bytes behind a byte order mark, which some editors write.
+fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
+/// The value that `bytes` of the file called `file` hold.
+pub fn parse<T: DeserializeOwned>(file: &str, bytes: &[u8]) -> Result<T, FileError> {
+    check_beginning(file, bytes)?;
+    let bytes = without_mark(bytes);
+    let mut deserializer = serde_json::Deserializer::from_slice(bytes);
+    let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
+        let path = match error.path().to_string() {
+            path if path == "." => String::new(),
+            path => path,
+        };
+        let inner = error.into_inner();
+        let mut located = Place::file(file).error(match inner.classify() {
+            Category::Data => Fault::Schema(inner.to_string()),
+            Category::Syntax | Category::Eof | Category::Io => Fault::NotJson(inner.to_string()),
+        });
+        located.location.name = name_of(bytes, &path);
+        located.location.path = path;
+        located
+    })?;
+    match deserializer.end() {
+        Ok(()) => Ok(value),
+        Err(error) => Err(FileError::whole(file, Fault::NotJson(error.to_string()))),
+    }
+}
+
+/// What people call the limb, joint or sample that a JSON path goes through; empty where it has no name.
+fn name_of(bytes: &[u8], path: &str) -> String {
+    let Ok(mut at) = serde_json::from_slice::<Value>(bytes) else { return String::new() };
+    let mut names: Vec<String> = Vec::new();
+    for part in path.split('.') {
+        let (key, index) = match part.split_once('[') {
+            Some((key, rest)) => (key, rest.split(']').next().and_then(|i| i.parse::<usize>().ok())),
+            None => (part, None),
+        };
+        at = at.get_mut(key).map(Value::take).unwrap_or_default();
+        let Some(index) = index else { continue };
+        at = at.get_mut(index).map(Value::take).unwrap_or_default();
+        let stated = at.get("name").and_then(Value::as_str).map(str::to_owned);
+        match key {
+            "limbs" => names.push(stated.unwrap_or_else(|| format!("limb{}", index + 1))),
+            "joints" => names.push(stated.unwrap_or_else(|| format!("j{}", index + 1))),
+            "samples" => names.push(format!("sample {}", index + 1)),
+            _ => {}
+        }
+    }
+    names.join(".")
+}
+
+/// Text of a value, objects over several lines, arrays on one unless they hold objects.
+pub fn text<T: Serialize>(value: &T) -> Result<Vec<u8>, serde_json::Error> {
+    let mut out = Vec::new();
+    value.serialize(&mut serde_json::Serializer::with_formatter(&mut out, Layout { depth: 0 }))?;
+    out.push(b'\n');
+    Ok(out)
+}
+
+struct Layout {
+    depth: usize,
+}
+
+impl Layout {
+    fn line<W: ?Sized + Write>(&self, out: &mut W) -> io::Result<()> {
+        write!(out, "\n{:1$}", "", 2 * self.depth)
+    }
+}
+
+impl serde_json::ser::Formatter for Layout {
+    fn begin_array_value<W: ?Sized + Write>(&mut self, out: &mut W, first: bool) -> io::Result<()> {
+        out.write_all(if first { b"" } else { b", " })
+    }
+
+    fn begin_object<W: ?Sized + Write>(&mut self, out: &mut W) -> io::Result<()> {
+        self.depth += 1;
+        out.write_all(b"{")
+    }
+
+    fn begin_object_key<W: ?Sized + Write>(&mut self, out: &mut W, first: bool) -> io::Result<()> {
+        out.write_all(if first { b"" } else { b"," })?;
+        self.line(out)
+    }
+
+    fn begin_object_value<W: ?Sized + Write>(&mut self, out: &mut W) -> io::Result<()> {
+        out.write_all(b": ")
+    }
+
+    fn end_object<W: ?Sized + Write>(&mut self, out: &mut W) -> io::Result<()> {
+        self.depth = self.depth.saturating_sub(1);
+        self.line(out)?;
+        out.write_all(b"}")
+    }
+}

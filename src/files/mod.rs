@@ -1,0 +1,41 @@
+//! Files: problems, results, tables of measurements, poses. Units of the file become m and rad here and nowhere else.
+
+pub mod actuators;
+pub mod columns;
+pub mod data;
+pub mod dataset;
+pub mod drawing;
+mod equivalent;
+pub mod error;
+pub mod fault;
+pub mod json;
+pub mod machine;
+pub mod noise;
+pub mod place;
+pub mod pose;
+pub mod poses;
+pub mod problem;
+pub mod readings;
+pub mod redraw;
+pub mod result;
+pub mod summary;
+pub mod table;
+pub mod tolerance;
+pub mod units;
+pub mod values;
+pub mod write;
+
+pub use actuators::{ActuatorRow, read_actuators};
+pub use data::{DataDrawing, SampleDrawing};
+pub use dataset::{DataSet, Kind, MeasuredPose};
+pub use drawing::{JointDrawing, LimbDrawing, MechanismDrawing};
+pub use error::{FileError, Location};
+pub use fault::Fault;
+pub use pose::PoseDrawing;
+pub use poses::{PosesFormat, poses_text};
+pub use problem::{DataPlaces, Model, ProblemDrawing, ProblemFile, read_model, read_problem};
+pub use readings::readings;
+pub use redraw::redraw;
+pub use result::ResultFile;
+pub use units::{AngleUnit, LengthUnit, Units};
+pub use write::Output;

@@ -1,0 +1,112 @@
+//! Noise of measured poses as files write it.
+
+use super::dataset::Kind;
+use super::error::FileError;
+use super::fault::Fault;
+use super::place::Place;
+use super::units::Units;
+use crate::measure::pose::Weighting;
+use crate::model::Mechanism;
+use nalgebra::{Matrix6, Vector6};
+use serde::{Deserialize, Serialize};
+
+/// A covariance, rotation first, displacement of the tool point second, in {S} axes and units of the file.
+pub type CovarianceDrawing = Box<[[f64; 6]; 6]>;
+
+/// Largest relative difference between entries that symmetry makes equal.
+const ASYMMETRY: f64 = 1e-6;
+/// Standard deviation of angles that stands in for a noise that is not stated, rad.
+const ASSUMED_ANGLE: f64 = 1e-4;
+
+/// Isotropic noise of a measured pose, or its covariance.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseDrawing {
+    /// Standard deviation of each rotation component, angle of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle: Option<f64>,
+    /// Standard deviation of each position component, length of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length: Option<f64>,
+    /// Instead of both.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<CovarianceDrawing>,
+}
+
+/// The covariance (rad and m) that stands in where no noise is stated: the same relative to the machine's size.
+pub fn assumed_noise(mechanism: &Mechanism) -> Matrix6<f64> {
+    isotropic(ASSUMED_ANGLE, ASSUMED_ANGLE * mechanism.characteristic_length())
+}
+
+fn isotropic(angle: f64, length: f64) -> Matrix6<f64> {
+    let (a, l) = (angle * angle, length * length);
+    Matrix6::from_diagonal(&Vector6::new(a, a, a, l, l, l))
+}
+
+/// The covariance in rad and m that `noise` and `covariance` at one level of a file state, if they do.
+pub(super) fn read_noise(
+    noise: Option<&NoiseDrawing>,
+    covariance: Option<&CovarianceDrawing>,
+    kind: Kind,
+    units: Units,
+    at: &Place<'_>,
+) -> Result<Option<Matrix6<f64>>, FileError> {
+    let here = at.key("noise");
+    match (noise, covariance) {
+        (None, None) => Ok(None),
+        (Some(_), Some(_)) => Err(at.key("covariance").error(Fault::TwoNoises)),
+        (None, Some(covariance)) => read_covariance(covariance, units, &at.key("covariance")).map(Some),
+        (Some(NoiseDrawing { angle: None, length: None, covariance: Some(covariance) }), None) => {
+            read_covariance(covariance, units, &here.key("covariance")).map(Some)
+        }
+        (Some(NoiseDrawing { covariance: Some(_), .. }), None) => Err(here.error(Fault::TwoNoises)),
+        (Some(NoiseDrawing { angle, length, covariance: None }), None) => {
+            let missing = |key| here.error(Fault::NoiseMissing { kind: kind.name(), key });
+            let length = length.ok_or_else(|| missing("length"))?;
+            let length = units.length(positive(length, &here.key("length"))?, &here.key("length"))?;
+            let angle = match (angle, kind) {
+                (Some(angle), _) => units.angle(positive(*angle, &here.key("angle"))?, &here.key("angle"))?,
+                // No rotation is measured, so that its noise has no part in anything.
+                (None, Kind::Position) => 1.0,
+                (None, Kind::Pose) => return Err(missing("angle")),
+            };
+            Ok(Some(isotropic(angle, length)))
+        }
+    }
+}
+
+fn positive(sigma: f64, at: &Place<'_>) -> Result<f64, FileError> {
+    if sigma > 0.0 { Ok(sigma) } else { Err(at.error(Fault::Noise(sigma))) }
+}
+
+fn read_covariance(
+    stated: &CovarianceDrawing,
+    units: Units,
+    at: &Place<'_>,
+) -> Result<Matrix6<f64>, FileError> {
+    let mut covariance = Matrix6::zeros();
+    let angle = |v, at: &Place<'_>| units.angle(v, at);
+    let length = |v, at: &Place<'_>| units.length(v, at);
+    for (i, row) in stated.iter().enumerate() {
+        let row_at = at.index(i);
+        for (j, value) in row.iter().enumerate() {
+            let here = row_at.index(j);
+            let half = if i < 3 { angle(*value, &here)? } else { length(*value, &here)? };
+            covariance[(i, j)] = if j < 3 { angle(half, &here)? } else { length(half, &here)? };
+        }
+    }
+    let c = covariance;
+    for i in 0..6 {
+        for j in 0..i {
+            let size = (c[(i, i)] * c[(j, j)]).abs().sqrt();
+            if (c[(i, j)] - c[(j, i)]).abs() > ASYMMETRY * size {
+                return Err(at.error(Fault::Asymmetric(i, j)));
+            }
+        }
+    }
+    let symmetric = (c + c.transpose()) * 0.5;
+    match Weighting::whitening(&symmetric, [true; 6]) {
+        Ok(_) => Ok(symmetric),
+        Err(_) => Err(at.error(Fault::NotPositive)),
+    }
+}

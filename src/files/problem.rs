@@ -1,0 +1,211 @@
+//! Problem files, and the model that a problem or a result holds.
+
+use super::columns::ColumnsDrawing;
+use super::data::{Context, DataDrawing};
+use super::dataset::DataSet;
+use super::drawing::MechanismDrawing;
+use super::error::{FileError, Location, quoted};
+use super::fault::Fault;
+use super::json;
+use super::machine::Drawn;
+use super::place::Place;
+use super::result::{RESULT_FORMAT, ResultFile};
+use super::units::Units;
+use crate::model::Mechanism;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Format of problem files.
+pub const PROBLEM_FORMAT: &str = "gough-problem/1";
+
+/// A problem file as written, in its units.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProblemDrawing {
+    /// [`PROBLEM_FORMAT`].
+    pub format: String,
+    /// Of the problem; the file's where it is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// For people.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub description: Option<String>,
+    /// Of every number.
+    pub units: Units,
+    /// Nominal machine.
+    pub mechanism: MechanismDrawing,
+    /// Measured postures.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub data: Option<DataDrawing>,
+    /// The true machine of a benchmark problem.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<MechanismDrawing>,
+}
+
+/// A problem file, read.
+#[derive(Clone, Debug)]
+pub struct ProblemFile {
+    /// The file, as it was named.
+    pub file: String,
+    /// Name of the problem.
+    pub name: String,
+    /// The file as written, to write it again.
+    pub drawing: ProblemDrawing,
+    /// Units of the file.
+    pub units: Units,
+    /// Nominal machine, rad and m.
+    pub mechanism: Mechanism,
+    /// Measured postures.
+    pub data: DataSet,
+    /// Postures that are never used to identify.
+    pub holdout: DataSet,
+    /// The true machine of a benchmark problem.
+    pub truth: Option<Mechanism>,
+    without_tolerance: Option<Location>,
+}
+
+/// A machine to predict with: from a problem, or the calibrated one of a result.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The file, as it was named.
+    pub file: String,
+    /// Name of the problem.
+    pub name: String,
+    /// Units of the file.
+    pub units: Units,
+    /// The machine, rad and m.
+    pub mechanism: Mechanism,
+    /// What the problem's data file calls its columns.
+    pub columns: Option<ColumnsDrawing>,
+}
+
+/// Folders where a data file may be, other than that of the problem file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DataPlaces {
+    /// Named on the command line.
+    pub data_dir: Option<PathBuf>,
+    /// Its folder `data` is looked in last.
+    pub shared: PathBuf,
+}
+
+impl DataPlaces {
+    /// `data_dir`, then the variable `GOUGH_SHARED`, `../shared` where it is not set.
+    pub fn from_environment(data_dir: Option<PathBuf>) -> Self {
+        let shared = std::env::var_os("GOUGH_SHARED").map_or_else(|| "../shared".into(), PathBuf::from);
+        Self { data_dir, shared }
+    }
+
+    /// The first place where `file` is.
+    pub(super) fn find(&self, folder: &Path, file: &str, at: &Place<'_>) -> Result<PathBuf, FileError> {
+        let mut candidates = vec![folder.join(file)];
+        candidates.extend(self.data_dir.as_ref().map(|dir| dir.join(file)));
+        candidates.push(self.shared.join("data").join(file));
+        candidates.dedup();
+        if let Some(found) = candidates.iter().find(|path| path.is_file()) {
+            return Ok(found.clone());
+        }
+        let looked: Vec<String> = candidates.iter().map(|path| path.display().to_string()).collect();
+        Err(at.error(Fault::NoDataFile(looked.join(", "))))
+    }
+}
+
+/// Reads a problem file with its data.
+pub fn read_problem(path: &Path, places: &DataPlaces) -> Result<ProblemFile, FileError> {
+    parse_problem(path, &json::read_bytes(path)?, places)
+}
+
+/// The problem that `bytes` hold; `path` names the file and the folder of its data.
+pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<ProblemFile, FileError> {
+    let file = path.display().to_string();
+    if format_of(&file, bytes)?.as_deref() != Some(PROBLEM_FORMAT) {
+        return Err(wrong_format(&file, bytes, "\"format\": \"gough-problem/1\"")?);
+    }
+    let drawing: ProblemDrawing = json::parse(&file, bytes)?;
+    let units = drawing.units;
+    let at = Place::file(&file);
+    let Drawn { mechanism, without_tolerance } = drawing.mechanism.read(units, &at.key("mechanism"))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let context = Context { mechanism: &mechanism, units, folder, places };
+    let (data, holdout) = match &drawing.data {
+        Some(data) => data.read(&context, &at.key("data"))?,
+        None => Default::default(),
+    };
+    let at_truth = at.key("truth");
+    let truth = drawing.truth.as_ref().map(|truth| truth.read(units, &at_truth)).transpose()?;
+    let truth = truth.map(|truth| truth.mechanism);
+    if let Some(truth) = &truth {
+        let (found, wanted) = (truth.actuator_count(), mechanism.actuator_count());
+        if found != wanted {
+            let (found, wanted) = (truth.actuator_names().join(", "), mechanism.actuator_names().join(", "));
+            return Err(at_truth.error(Fault::OtherActuators { found, wanted }));
+        }
+    }
+    let name = drawing.name.clone().unwrap_or_else(|| stem(path));
+    Ok(ProblemFile { file, name, drawing, units, mechanism, data, holdout, truth, without_tolerance })
+}
+
+/// Reads the machine of a problem file, or the calibrated machine of a result file. Data are not looked for.
+pub fn read_model(path: &Path) -> Result<Model, FileError> {
+    parse_model(path, &json::read_bytes(path)?)
+}
+
+/// The machine that `bytes` hold; `path` names the file.
+pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
+    let file = path.display().to_string();
+    let at = Place::file(&file);
+    let (name, units, mechanism, columns) = match format_of(&file, bytes)?.as_deref() {
+        Some(PROBLEM_FORMAT) => {
+            let problem: ProblemDrawing = json::parse(&file, bytes)?;
+            let columns = problem.data.and_then(|data| data.columns);
+            (problem.name.unwrap_or_else(|| stem(path)), problem.units, problem.mechanism, columns)
+        }
+        Some(RESULT_FORMAT) => {
+            let result: ResultFile = json::parse(&file, bytes)?;
+            (result.problem, result.units, result.mechanism, None)
+        }
+        _ => return Err(wrong_format(&file, bytes, "gough-problem/1 or gough-result/1")?),
+    };
+    let mechanism = mechanism.read(units, &at.key("mechanism"))?.mechanism;
+    Ok(Model { name, units, mechanism, columns, file: file.clone() })
+}
+
+#[derive(Deserialize)]
+struct Head {
+    #[serde(default)]
+    format: Option<Value>,
+}
+
+fn format_of(file: &str, bytes: &[u8]) -> Result<Option<String>, FileError> {
+    let head: Head = json::parse(file, bytes)?;
+    Ok(head.format.as_ref().and_then(Value::as_str).map(str::to_owned))
+}
+
+fn wrong_format(file: &str, bytes: &[u8], expected: &'static str) -> Result<FileError, FileError> {
+    let head: Head = json::parse(file, bytes)?;
+    let found = head.format.map_or_else(|| "not stated".into(), |format| quoted(&format.to_string()));
+    Ok(Place::file(file).key("format").error(Fault::Format { found, expected }))
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+impl ProblemFile {
+    /// Refuses a problem with links whose tolerance is not stated: without it nothing can be identified.
+    pub fn require_tolerances(&self) -> Result<(), FileError> {
+        match &self.without_tolerance {
+            None => Ok(()),
+            Some(at) => Err(FileError { location: Box::new(at.clone()), fault: Fault::NoTolerance }),
+        }
+    }
+
+    /// Refuses a problem without measured postures.
+    pub fn require_samples(&self) -> Result<(), FileError> {
+        if self.data.is_empty() {
+            Err(Place::file(&self.file).key("data").error(Fault::NoSamples))
+        } else {
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Result files `gough-result/1`, in units of the problem.
+
+use super::drawing::MechanismDrawing;
+use super::noise::NoiseDrawing;
+use super::summary::{
+    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, LinkResult, SetAsideEntry, TraceEntry, WeightEntry,
+    numbers,
+};
+use super::units::Units;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Format of result files.
+pub const RESULT_FORMAT: &str = "gough-result/1";
+
+/// What an identification found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResultFile {
+    /// [`RESULT_FORMAT`].
+    pub format: String,
+    /// Name of the problem.
+    pub problem: String,
+    /// Name of the identifier.
+    pub solver: String,
+    /// Its settings in force.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub settings: BTreeMap<String, String>,
+    /// Whether it ended at a solution.
+    pub converged: bool,
+    /// Why it stopped.
+    pub reason: String,
+    /// Accepted iterations.
+    pub iterations: usize,
+    /// Of every number.
+    pub units: Units,
+    /// What can be seen.
+    pub counts: Counts,
+    /// Errors on the poses that were used.
+    pub fit: Option<BeforeAfter>,
+    /// Errors on poses that were not.
+    pub holdout: Option<BeforeAfter>,
+    /// Residual against the stated noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chi_square: Option<ChiSquare>,
+    /// Noise estimated from the residual, where none is stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_estimate: Option<NoiseDrawing>,
+    /// What deserves attention, in words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+    /// Samples that took no part.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub set_aside: Vec<SetAsideEntry>,
+    /// Limits that hold with equality.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub active_bounds: Vec<ActiveBoundEntry>,
+    /// KKT residual of the nonlinear problem, for constrained identifiers.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kkt: Option<f64>,
+    /// Curve from which a regularisation weight was chosen.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub weights: Vec<WeightEntry>,
+    /// Of the whitened Jacobian in tolerance-scaled coordinates at the solution, descending.
+    #[serde(deserialize_with = "numbers")]
+    pub singular_values: Vec<f64>,
+    /// The way there.
+    pub trace: Vec<TraceEntry>,
+    /// Deviations from nominal.
+    pub links: Vec<LinkResult>,
+    /// The calibrated machine, as a problem states one.
+    pub mechanism: MechanismDrawing,
+    /// Of the programs that made this.
+    pub versions: BTreeMap<String, String>,
+}

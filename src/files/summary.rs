@@ -1,0 +1,173 @@
+//! The parts of a result file.
+
+use super::units::Units;
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// JSON has no infinities: what a diverged run leaves is written as `null`, and read as NaN.
+pub(super) fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
+/// Like [`number`], for a list.
+pub(super) fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    let list: Vec<Option<f64>> = Vec::deserialize(deserializer)?;
+    Ok(list.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect())
+}
+
+fn triple<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 3], D::Error> {
+    let list: [Option<f64>; 3] = Deserialize::deserialize(deserializer)?;
+    Ok(list.map(|v| v.unwrap_or(f64::NAN)))
+}
+
+/// One accepted iteration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TraceEntry {
+    /// Merit after the step.
+    #[serde(deserialize_with = "number")]
+    pub cost: f64,
+    /// Length of the step in the identifier's coordinates.
+    #[serde(deserialize_with = "number")]
+    pub step: f64,
+    /// Directions kept, for identifiers that choose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kept: Option<usize>,
+}
+
+/// How many parameters there are, and how many of them can be seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Counts {
+    /// 4r + 2p + 6.
+    pub structural: usize,
+    /// Rank of the Jacobian.
+    pub first_order: usize,
+    /// Directions that the data tell apart from the tolerances.
+    pub practical: usize,
+}
+
+/// Errors of predicted poses: position is the displacement of the tool point, rotation the angle.
+///
+/// `None` where that part was not measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseErrors {
+    /// Root mean square, length of the file.
+    pub position_rms: Option<f64>,
+    /// Largest, length of the file.
+    pub position_max: Option<f64>,
+    /// Root mean square, angle of the file.
+    pub rotation_rms: Option<f64>,
+    /// Largest, angle of the file.
+    pub rotation_max: Option<f64>,
+    /// Root mean square of the whitened residual: 1 where the model fits to the noise.
+    pub weighted_rms: Option<f64>,
+}
+
+impl PoseErrors {
+    /// Errors in rad and m, in units of the file.
+    pub fn in_units(self, units: Units) -> Self {
+        Self {
+            position_rms: self.position_rms.map(|v| units.from_metres(v)),
+            position_max: self.position_max.map(|v| units.from_metres(v)),
+            rotation_rms: self.rotation_rms.map(|v| units.from_radians(v)),
+            rotation_max: self.rotation_max.map(|v| units.from_radians(v)),
+            weighted_rms: self.weighted_rms,
+        }
+    }
+}
+
+/// Errors of the nominal and of the calibrated machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BeforeAfter {
+    /// Nominal.
+    pub before: PoseErrors,
+    /// Calibrated.
+    pub after: PoseErrors,
+}
+
+/// Components of a deviation, or their standard errors.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Deviation {
+    /// Rotation vector, angle of the file.
+    #[serde(deserialize_with = "triple")]
+    pub rotation: [f64; 3],
+    /// Translation part of the twist, length of the file.
+    #[serde(deserialize_with = "triple")]
+    pub translation: [f64; 3],
+}
+
+impl Deviation {
+    /// Six components in rad and m, rotation first, in units of the file.
+    pub fn of(components: &[f64; 6], units: Units) -> Self {
+        let [a, b, c, x, y, z] = *components;
+        Self {
+            rotation: [a, b, c].map(|v| units.from_radians(v)),
+            translation: [x, y, z].map(|v| units.from_metres(v)),
+        }
+    }
+}
+
+/// What was found of a link: nominal * exp(deviation), in the frame of the next joint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinkResult {
+    /// Its limb.
+    pub limb: String,
+    /// The joint that it carries, or `tool`.
+    pub link: String,
+    /// The deviation.
+    pub deviation: Deviation,
+    /// Standard errors, `None` where they are not known.
+    pub std: Option<Deviation>,
+}
+
+/// A sample that took no part.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SetAsideEntry {
+    /// Its name.
+    pub sample: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// A limit that holds with equality at the solution.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ActiveBoundEntry {
+    /// Parameter or link.
+    pub name: String,
+    /// The limit, in tolerances.
+    #[serde(deserialize_with = "number")]
+    pub limit: f64,
+    /// Lagrange multiplier: decrease of the cost per unit that the limit gives way.
+    #[serde(deserialize_with = "number")]
+    pub multiplier: f64,
+}
+
+/// A regularisation weight that was tried.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WeightEntry {
+    /// The weight.
+    #[serde(deserialize_with = "number")]
+    pub weight: f64,
+    /// Its score.
+    #[serde(deserialize_with = "number")]
+    pub score: f64,
+}
+
+/// Residual against the stated noise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChiSquare {
+    /// Sum of squares of the whitened residual.
+    #[serde(deserialize_with = "number")]
+    pub value: f64,
+    /// Residuals less parameters, those that lean on the prior counted in part.
+    #[serde(deserialize_with = "number")]
+    pub degrees_of_freedom: f64,
+}
