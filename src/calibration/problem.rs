@@ -1,12 +1,13 @@
 //! The calibration problem: whitened pose errors by link deviations, loops closed.
 
 use super::coordinates::Coordinates;
+use super::limbwise::{LimbProblem, LimbStart};
 use super::rows::RowWriter;
 use super::sample::{Sample, SetAside};
 use crate::linalg::{self, RowBlock, RowStream};
 use crate::measure::Row;
 use crate::model::{Geometry, Mechanism, Posture};
-use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Problem, cost};
+use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem, cost};
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
@@ -230,6 +231,29 @@ impl Problem for Calibration<'_> {
             by_x.extend(linalg::mul_transpose(transform.as_ref(), part));
         }
         Ok((cost(r), by_x))
+    }
+
+    /// One part a limb, where every posture was measured as a whole pose.
+    fn parts(&self) -> Option<Vec<Part<'_>>> {
+        let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
+        let (mut actuator, mut passive) = (0, 0);
+        for (i, limb) in self.mechanism.limbs.iter().enumerate() {
+            let m = limb.passive_count();
+            let (a, p) = (actuator..actuator + limb.joints.len() - m, passive..passive + m);
+            (actuator, passive) = (a.end, p.end);
+            let starts: Option<Vec<LimbStart>> = self
+                .starts
+                .iter()
+                .map(|s| {
+                    LimbStart::new(s.sample, s.sample.actuators.get(a.clone())?, s.passive.get(p.clone())?)
+                })
+                .collect();
+            let own = &self.coordinates.limbs[i];
+            let problem = LimbProblem::new(self.mechanism, &self.coordinates, i, starts?);
+            let members = (own.offset..own.offset + own.count).collect();
+            parts.push(Part { problem: Box::new(problem), members });
+        }
+        Some(parts)
     }
 
     fn redundant(&self, x: &[f64]) -> Mat<f64> {

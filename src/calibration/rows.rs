@@ -1,6 +1,7 @@
 //! Rows of the error Jacobian of one posture (12), in slice columns.
 
-use super::coordinates::Coordinates;
+use super::coordinates::{Coordinates, LimbCoordinates};
+use crate::lie::Se3;
 use crate::linalg::RowBlock;
 use crate::measure::Row;
 use crate::model::{Mechanism, Posture};
@@ -11,6 +12,12 @@ use nalgebra::Vector3;
 struct ByLimb {
     w: Vector3<f64>,
     v: Vector3<f64>,
+}
+
+impl ByLimb {
+    fn new([a, b, c, d, e, f]: [f64; 6]) -> Self {
+        Self { w: Vector3::new(a, b, c), v: Vector3::new(d, e, f) }
+    }
 }
 
 /// Writes rows posture by posture; holds what it needs from one to the next.
@@ -42,35 +49,64 @@ impl RowWriter {
         let (mut frame, mut wrench) = (0, 0);
         for ((limb, drawn), split) in coordinates.limbs.iter().zip(&mechanism.limbs).zip(&posture.splits) {
             for (by, row) in self.by_limb.iter_mut().zip(rows) {
-                let [a, b, c, d, e, f] = match open {
+                *by = ByLimb::new(match open {
                     true => row.by_tool,
                     false => through_wrenches(posture, row, wrench, split.wrenches()),
-                };
-                *by = ByLimb { w: Vector3::new(a, b, c), v: Vector3::new(d, e, f) };
+                });
             }
-            let mut link = usize::MAX;
-            for (k, &component) in limb.slice.iter().enumerate() {
-                let g = &posture.frames[frame + component / 6];
-                if component / 6 != link {
-                    link = component / 6;
-                    let lever = tool - g.p;
-                    for (at, by) in self.at_link.iter_mut().zip(&self.by_limb) {
-                        *at = ByLimb { w: by.w + lever.cross(&by.v), v: by.v };
-                    }
-                }
-                let axis = Vector3::from(g.r.column(component % 3));
-                let column = out.column(limb.slice_offset + k).iter_mut().zip(&self.at_link);
-                if component % 6 < 3 {
-                    column.for_each(|(entry, at)| *entry = at.w.dot(&axis));
-                } else {
-                    column.for_each(|(entry, at)| *entry = at.v.dot(&axis));
-                }
-            }
+            let frames = &posture.frames[frame..frame + drawn.links.len()];
+            self.write_limb(limb, frames, &tool, &mut out);
             frame += drawn.links.len();
             wrench += split.wrenches().len();
         }
         for (entry, row) in out.column(coordinates.slice_count()).iter_mut().zip(rows) {
             *entry = row.r;
+        }
+    }
+
+    /// Writes the columns of one limb alone, `rows` being by that limb's own tool twist, and the residuals behind
+    /// them.
+    pub fn write_alone(
+        &mut self,
+        limb: &LimbCoordinates,
+        frames: &[Se3],
+        tool: &Vector3<f64>,
+        rows: &[Row],
+        mut out: RowBlock<'_>,
+    ) {
+        self.by_limb.clear();
+        self.by_limb.extend(rows.iter().map(|row| ByLimb::new(row.by_tool)));
+        self.at_link.resize(rows.len(), ByLimb::default());
+        self.write_limb(limb, frames, tool, &mut out);
+        for (entry, row) in out.column(limb.slice.len()).iter_mut().zip(rows) {
+            *entry = row.r;
+        }
+    }
+
+    fn write_limb(
+        &mut self,
+        limb: &LimbCoordinates,
+        frames: &[Se3],
+        tool: &Vector3<f64>,
+        out: &mut RowBlock<'_>,
+    ) {
+        let mut link = usize::MAX;
+        for (k, &component) in limb.slice.iter().enumerate() {
+            let g = &frames[component / 6];
+            if component / 6 != link {
+                link = component / 6;
+                let lever = tool - g.p;
+                for (at, by) in self.at_link.iter_mut().zip(&self.by_limb) {
+                    *at = ByLimb { w: by.w + lever.cross(&by.v), v: by.v };
+                }
+            }
+            let axis = Vector3::from(g.r.column(component % 3));
+            let column = out.column(limb.slice_offset + k).iter_mut().zip(&self.at_link);
+            if component % 6 < 3 {
+                column.for_each(|(entry, at)| *entry = at.w.dot(&axis));
+            } else {
+                column.for_each(|(entry, at)| *entry = at.v.dot(&axis));
+            }
         }
     }
 }
