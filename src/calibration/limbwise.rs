@@ -13,7 +13,7 @@ use crate::model::mechanism::pose_difference;
 use crate::model::{Geometry, Mechanism, Posture};
 use crate::problem::{EvalError, Linearized, Param, Problem};
 use faer::{Mat, MatRef};
-use nalgebra::{DMatrix, DVector, Matrix6};
+use nalgebra::Matrix6;
 
 /// Passive joint step (rad, machine sizes) below which the limb is at the pose: the residual depends on it by
 /// second order only.
@@ -117,19 +117,34 @@ impl LimbProblem {
     fn evaluate(&self, posture: &Posture, start: &LimbStart, rows: &mut [Row]) -> Result<(), EvalError> {
         let length = posture.length();
         let k = rows.len();
-        let wrenches = DMatrix::from_fn(k, 6, |i, j| {
-            posture.splits[0].wrenches()[i][j] / if j < 3 { 1.0 } else { length }
-        });
-        let spread = &wrenches * start.root;
-        let whitened = (&spread * spread.transpose())
-            .cholesky()
-            .and_then(|c| c.l().solve_lower_triangular(&wrenches))
-            .ok_or_else(|| EvalError(format!("{}: the noise of the limb's wrenches vanishes", start.name)))?;
-        let (w, dp) = pose_difference(&posture.tool(), &start.measured);
-        let error = DVector::from_iterator(6, w.iter().chain(dp.iter()).copied());
-        let r = &whitened * error;
-        for (i, row) in rows.iter_mut().enumerate() {
-            *row = Row { r: r[i], by_tool: std::array::from_fn(|j| whitened[(i, j)]) };
+        // Gram-Schmidt on the rows of W root, done to W as well, whitens W e.
+        let mut w = [[0.0; 6]; 6];
+        let mut spread = [[0.0; 6]; 6];
+        for (i, wrench) in posture.splits[0].wrenches().iter().enumerate() {
+            w[i] = std::array::from_fn(|j| if j < 3 { wrench[j] } else { wrench[j] / length });
+            spread[i] = std::array::from_fn(|j| (0..6).map(|l| w[i][l] * start.root[(l, j)]).sum());
+        }
+        for i in 0..k {
+            for j in 0..i {
+                let along = dot(&spread[i], &spread[j]);
+                for l in 0..6 {
+                    spread[i][l] -= along * spread[j][l];
+                    w[i][l] -= along * w[j][l];
+                }
+            }
+            let size = dot(&spread[i], &spread[i]).sqrt();
+            if !(size > 0.0 && size.is_finite()) {
+                return Err(EvalError(format!("{}: the noise of the limb's wrenches vanishes", start.name)));
+            }
+            for l in 0..6 {
+                spread[i][l] /= size;
+                w[i][l] /= size;
+            }
+        }
+        let (turn, dp) = pose_difference(&posture.tool(), &start.measured);
+        let error = [turn.x, turn.y, turn.z, dp.x, dp.y, dp.z];
+        for (row, w) in rows.iter_mut().zip(&w) {
+            *row = Row { r: dot(w, &error), by_tool: *w };
         }
         Ok(())
     }
@@ -139,6 +154,10 @@ impl LimbProblem {
         let geometry = self.mechanism.deviated(&d);
         (d, geometry)
     }
+}
+
+fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl Problem for LimbProblem {

@@ -7,7 +7,7 @@ use super::sample::{Sample, SetAside};
 use crate::linalg::{self, RowBlock, RowStream};
 use crate::measure::Row;
 use crate::model::{Geometry, Mechanism, Posture};
-use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem, cost};
+use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
@@ -114,6 +114,17 @@ impl<'a> Calibration<'a> {
         Ok(())
     }
 
+    /// `work` on every chunk of the samples, in their order; on this thread where there is but one.
+    fn by_chunks<T: Send>(
+        &self,
+        work: impl Fn(&[Start<'_>]) -> Result<T, EvalError> + Sync,
+    ) -> Result<Vec<T>, EvalError> {
+        if self.starts.len() <= CHUNK {
+            return Ok(vec![work(&self.starts)?]);
+        }
+        self.starts.par_chunks(CHUNK).map(work).collect()
+    }
+
     /// Compressed rows in slice columns, before coordinates are chosen.
     fn compress_slice(&self, geometry: &Geometry) -> Result<Compressed, EvalError> {
         let columns = self.coordinates.slice_count();
@@ -128,11 +139,12 @@ impl<'a> Calibration<'a> {
             })?;
             Ok(stream.finish())
         };
-        if self.starts.len() <= CHUNK {
-            return chunk(&self.starts);
+        let mut parts = self.by_chunks(chunk)?;
+        if parts.len() == 1
+            && let Some(only) = parts.pop()
+        {
+            return Ok(only);
         }
-        let parts: Vec<Compressed> =
-            self.starts.par_chunks(CHUNK).map(chunk).collect::<Result<_, EvalError>>()?;
         let mut stream = RowStream::new(columns, parts.iter().map(|part| part.r.len()).sum());
         for part in parts {
             stream.push(&part);
@@ -191,12 +203,7 @@ impl Problem for Calibration<'_> {
             self.visit(starts, &geometry, |_, rows| r.extend(rows.iter().map(|row| row.r)))?;
             Ok(r)
         };
-        if self.starts.len() <= CHUNK {
-            return chunk(&self.starts);
-        }
-        let parts: Vec<Vec<f64>> =
-            self.starts.par_chunks(CHUNK).map(chunk).collect::<Result<_, EvalError>>()?;
-        Ok(parts.concat())
+        Ok(self.by_chunks(chunk)?.concat())
     }
 
     fn linearize(&self, x: &[f64]) -> Result<Linearized, EvalError> {
@@ -219,18 +226,34 @@ impl Problem for Calibration<'_> {
 
     fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), EvalError> {
         let (d, geometry) = self.at(x);
-        let (m, columns) = (self.rows(), self.coordinates.slice_count());
-        let mut data = Vec::new();
-        self.slice_rows(&geometry, &mut data)?;
-        let (jac, r) = data.split_at(m * columns);
-        let by_slice = linalg::mul_transpose(MatRef::from_column_major_slice(jac, m, columns), r);
+        let columns = self.coordinates.slice_count();
+        let chunk = |starts: &[Start<'_>]| -> Result<(f64, Vec<f64>), EvalError> {
+            let (mut square, mut by_slice) = (0.0, vec![0.0; columns]);
+            let mut writer = RowWriter::default();
+            let mut data = Vec::new();
+            self.visit(starts, &geometry, |posture, rows| {
+                data.resize(rows.len() * (columns + 1), 0.0);
+                let block = RowBlock::new(&mut data, rows.len(), 0, rows.len());
+                writer.write(self.mechanism, &self.coordinates, posture, rows, block);
+                for (sum, column) in by_slice.iter_mut().zip(data.chunks_exact(rows.len().max(1))) {
+                    *sum += column.iter().zip(rows).map(|(j, row)| j * row.r).sum::<f64>();
+                }
+                square += rows.iter().map(|row| row.r * row.r).sum::<f64>();
+            })?;
+            Ok((square, by_slice))
+        };
+        let (mut square, mut by_slice) = (0.0, vec![0.0; columns]);
+        for (part, by_part) in self.by_chunks(chunk)? {
+            square += part;
+            by_slice.iter_mut().zip(by_part).for_each(|(sum, part)| *sum += part);
+        }
         let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
         let mut by_x = Vec::with_capacity(x.len());
         for (limb, transform) in self.coordinates.limbs.iter().zip(&transforms) {
             let part = &by_slice[limb.slice_offset..limb.slice_offset + limb.slice.len()];
             by_x.extend(linalg::mul_transpose(transform.as_ref(), part));
         }
-        Ok((cost(r), by_x))
+        Ok((0.5 * square, by_x))
     }
 
     /// One part a limb, where every posture was measured as a whole pose.
