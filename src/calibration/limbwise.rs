@@ -16,8 +16,8 @@ use faer::{Mat, MatRef};
 use nalgebra::Matrix6;
 
 /// Passive joint step (rad, machine sizes) below which the limb is at the pose: the residual depends on it by
-/// second order only.
-const AT_POSE: f64 = 1e-7;
+/// second order only, 1e-11.
+const AT_POSE: f64 = 3e-6;
 const MAX_ITERATIONS: usize = 30;
 
 /// A posture as one limb sees it.

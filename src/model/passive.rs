@@ -68,12 +68,13 @@ impl PassiveSplit {
         &self.wrenches[self.m..]
     }
 
-    /// Passive motions (m) that come closest to the twist.
+    /// Passive motions (the first m entries, the others zero) that come closest to the twist.
     pub fn motions(&self, twist: &[f64; 6]) -> [f64; 6] {
         let mut out = *twist;
         for k in 0..self.m {
             reflect(&self.v[k], self.inverse_scale[k], &mut out);
         }
+        out[self.m..].fill(0.0);
         for k in (0..self.m).rev() {
             let pivot = self.r[k][k];
             out[k] = if pivot == 0.0 { 0.0 } else { out[k] / pivot };
