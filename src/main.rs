@@ -1,2 +1,25 @@
-//! gough
-fn main() {}
+//! `gough`: parse, run, print one error, set the exit status.
+
+use clap::Parser;
+use gough::cli::command::{Cli, Ending, run};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(message) => {
+            // Help and version are no errors and go to standard output.
+            let status = if message.use_stderr() { 2 } else { 0 };
+            let _ = message.print();
+            return ExitCode::from(status);
+        }
+    };
+    match run(&cli) {
+        Ok(Ending::Done) => ExitCode::SUCCESS,
+        Ok(Ending::NotConverged) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}

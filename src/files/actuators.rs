@@ -1,5 +1,6 @@
 //! Actuator readings to predict with: CSV, or JSON with `samples`.
 
+use super::bytes::{first_byte, read_bytes};
 use super::columns::ColumnsDrawing;
 use super::error::FileError;
 use super::fault::Fault;
@@ -7,10 +8,8 @@ use super::json;
 use super::place::Place;
 use super::problem::Model;
 use super::readings::variables;
-use super::table::{PoseColumns, TableRequest, read_table};
+use super::table::{self, PoseColumns, TableRequest};
 use serde::Deserialize;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 /// Readings of one posture.
@@ -38,22 +37,29 @@ struct Readings {
 
 /// Reads the postures of `path` for `model`, whose units govern it. A file that begins with a brace is JSON.
 pub fn read_actuators(path: &Path, model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
-    if begins_as_json(path)? { from_json(path, model) } else { from_table(path, model) }
-}
-
-fn begins_as_json(path: &Path) -> Result<bool, FileError> {
-    let fail = |why| FileError::whole(path.display().to_string(), Fault::Read(why));
-    let mut beginning = Vec::new();
-    File::open(path).map_err(fail)?.take(256).read_to_end(&mut beginning).map_err(fail)?;
-    let text = beginning.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&beginning);
-    let json = matches!(text.iter().find(|byte| !byte.is_ascii_whitespace()), Some(b'{' | b'['));
-    Ok(json || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")))
-}
-
-fn from_json(path: &Path, model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
     let file = path.display().to_string();
-    let content: ActuatorFile = json::parse(&file, &json::read_bytes(path)?)?;
-    let whole = Place::file(&file);
+    let bytes = read_bytes(path, |beginning| {
+        if is_json(path, beginning) {
+            json::check_beginning(&file, beginning)
+        } else {
+            table::check_beginning(&file, beginning)
+        }
+    })?;
+    if is_json(path, &bytes) {
+        return from_json(&file, &bytes, model);
+    }
+    let short = path.file_name().map_or_else(|| file.clone(), |name| name.to_string_lossy().into_owned());
+    from_table(&file, &short, &bytes, model)
+}
+
+fn is_json(path: &Path, bytes: &[u8]) -> bool {
+    matches!(first_byte(bytes), Some(b'{' | b'['))
+        || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
+    let content: ActuatorFile = json::parse(file, bytes)?;
+    let whole = Place::file(file);
     let list = whole.key("samples");
     if content.samples.is_empty() {
         return Err(list.error(Fault::NoRows(String::new())));
@@ -69,22 +75,18 @@ fn from_json(path: &Path, model: &Model) -> Result<Vec<ActuatorRow>, FileError> 
     Ok(rows)
 }
 
-fn from_table(path: &Path, model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
+fn from_table(file: &str, short: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
     let names = model.mechanism.actuator_names();
-    let request =
-        |columns| TableRequest { actuators: &names, columns, filter: None, poses: PoseColumns::Ignored };
-    let ours = read_table(path, &request(None));
-    let table = match (ours, &model.columns) {
+    let parse = |columns: Option<&ColumnsDrawing>| {
+        let request = TableRequest { actuators: &names, columns, filter: None, poses: PoseColumns::Ignored };
+        table::parse(file, bytes, &request)
+    };
+    let table = match (parse(None), &model.columns) {
         // The file that the model's own data come from has its own names.
-        (Err(error), Some(columns)) => {
-            let columns: &ColumnsDrawing = columns;
-            read_table(path, &request(Some(columns))).map_err(|_| error)?
-        }
+        (Err(error), Some(columns)) => parse(Some(columns)).map_err(|_| error)?,
         (ours, _) => ours?,
     };
-    let file = path.display().to_string();
-    let whole = Place::file(&file);
-    let short = path.file_name().map_or_else(|| file.clone(), |name| name.to_string_lossy().into_owned());
+    let whole = Place::file(file);
     let mut rows = Vec::with_capacity(table.len());
     for row in table {
         let variables = variables(&model.mechanism, model.units, &row.readings, &whole.line(row.line))?;

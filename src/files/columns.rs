@@ -85,8 +85,8 @@ impl Header<'_> {
         let wanted = request.actuators.len();
         if let Some(names) = request.columns.and_then(|columns| columns.actuators.as_ref()) {
             if names.len() != wanted {
-                let names = request.actuators.join(", ");
-                let fault = Fault::ActuatorCount { found: names.len(), wanted, names };
+                let expected = request.actuators.join(", ");
+                let fault = Fault::ActuatorCount { found: names.len(), wanted, names: expected };
                 return Err(self.at.error(fault));
             }
             return names.iter().map(|name| self.need(name)).collect();

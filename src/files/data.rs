@@ -9,7 +9,7 @@ use super::place::Place;
 use super::pose::PoseDrawing;
 use super::problem::DataPlaces;
 use super::readings::{readings, variables};
-use super::table::{PoseColumns, TableRequest, read_table};
+use super::table::{self, PoseColumns, TableRequest};
 use super::units::Units;
 use crate::calibration::Sample;
 use crate::lie::Se3;
@@ -177,11 +177,11 @@ impl Filling<'_> {
             },
         };
         let shown = path.display().to_string();
-        let table = Place::file(&shown);
+        let whole = Place::file(&shown);
         let short =
             path.file_name().map_or_else(|| shown.clone(), |name| name.to_string_lossy().into_owned());
-        for row in read_table(&path, &request)? {
-            let line = table.line(row.line);
+        for row in table::parse(&shown, &table::read(&path)?, &request)? {
+            let line = whole.line(row.line);
             let name = format!("{short} line {}", row.line);
             self.add(name, (&row.readings, &line), (&row.pose, &line), None)?;
         }

@@ -106,8 +106,8 @@ pub enum Fault {
     #[error("no measured poses; give \"samples\", or \"file\" with the name of a CSV file")]
     NoSamples,
     #[error(
-        "no such data file; looked for {0}; put it beside the problem file, or name its folder with --data-dir \
-         or its grandparent with the variable GOUGH_SHARED"
+        "no such data file; looked for {0}; put it beside the problem file, name its folder with --data-dir, or \
+         set GOUGH_SHARED to the folder that has it under data/"
     )]
     NoDataFile(String),
     #[error("the true machine has other actuators ({found}) than the mechanism ({wanted})")]

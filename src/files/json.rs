@@ -1,5 +1,6 @@
 //! JSON text: read with the place of whatever is wrong, written with arrays of numbers on one line.
 
+use super::bytes::{FIRST_LOOK, first_byte, read_bytes, without_mark};
 use super::error::{FileError, quoted};
 use super::fault::Fault;
 use super::place::Place;
@@ -7,32 +8,18 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use serde_json::error::Category;
-use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::Path;
 
-/// Largest file that is read, MB.
-const LARGEST_FILE: u64 = 1024;
-/// Bytes read before a file that does not look like JSON is refused.
-const FIRST_LOOK: u64 = 4096;
-
 /// The bytes of a JSON file. A file that does not begin as an object is refused before the rest is read.
-pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
+pub fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     let name = path.display().to_string();
-    let fail = |why| FileError::whole(name.clone(), Fault::Read(why));
-    let mut file = File::open(path).map_err(fail)?;
-    let mut bytes = Vec::new();
-    (&mut file).take(FIRST_LOOK).read_to_end(&mut bytes).map_err(fail)?;
-    check_beginning(&name, &bytes)?;
-    file.take(LARGEST_FILE << 20).read_to_end(&mut bytes).map_err(fail)?;
-    if bytes.len() as u64 > LARGEST_FILE << 20 {
-        return Err(FileError::whole(name, Fault::TooLarge(LARGEST_FILE)));
-    }
-    Ok(bytes)
+    read_bytes(path, |beginning| check_beginning(&name, beginning))
 }
 
-fn check_beginning(file: &str, bytes: &[u8]) -> Result<(), FileError> {
-    match without_mark(bytes).iter().find(|byte| !byte.is_ascii_whitespace()) {
+/// Refuses what does not begin as an object.
+pub(super) fn check_beginning(file: &str, bytes: &[u8]) -> Result<(), FileError> {
+    match first_byte(bytes) {
         Some(b'{') => Ok(()),
         None if bytes.len() as u64 >= FIRST_LOOK => {
             Err(FileError::whole(file, Fault::NotJson("it begins with blanks only".into())))
@@ -45,11 +32,6 @@ fn check_beginning(file: &str, bytes: &[u8]) -> Result<(), FileError> {
             Err(FileError::whole(file, Fault::NotJson(why)))
         }
     }
-}
-
-/// The bytes behind a byte order mark, which some editors write.
-fn without_mark(bytes: &[u8]) -> &[u8] {
-    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
 /// The value that `bytes` of the file called `file` hold.

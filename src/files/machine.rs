@@ -112,7 +112,7 @@ impl LimbDrawing {
             .or(general.last)
             .or(links);
         let list = at.key("joints");
-        let mut names = HashSet::new();
+        let (mut drawn, mut names) = (HashSet::new(), HashSet::new());
         let mut chain = Chain {
             limb: Limb { name: name.to_owned(), joints: Vec::new(), links: Vec::new() },
             at: Se3::identity(),
@@ -123,6 +123,7 @@ impl LimbDrawing {
             let full = format!("{name}.{own}");
             let entry = list.index(j);
             let here = entry.named(&full);
+            check_name(&own, &mut drawn, &here)?;
             let (first, inner) = drawing.stated(units, &here)?;
             for (k, joint) in drawing.equivalents(&own, units, &here)?.into_iter().enumerate() {
                 check_name(&joint.name, &mut names, &here)?;

@@ -1,6 +1,7 @@
 //! Files: problems, results, tables of measurements, poses. Units of the file become m and rad here and nowhere else.
 
 pub mod actuators;
+mod bytes;
 pub mod columns;
 pub mod data;
 pub mod dataset;

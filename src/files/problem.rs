@@ -112,14 +112,15 @@ impl DataPlaces {
 
 /// Reads a problem file with its data.
 pub fn read_problem(path: &Path, places: &DataPlaces) -> Result<ProblemFile, FileError> {
-    parse_problem(path, &json::read_bytes(path)?, places)
+    parse_problem(path, &json::read(path)?, places)
 }
 
 /// The problem that `bytes` hold; `path` names the file and the folder of its data.
 pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<ProblemFile, FileError> {
     let file = path.display().to_string();
-    if format_of(&file, bytes)?.as_deref() != Some(PROBLEM_FORMAT) {
-        return Err(wrong_format(&file, bytes, "\"format\": \"gough-problem/1\"")?);
+    let head = Head::read(&file, bytes)?;
+    if head.format() != Some(PROBLEM_FORMAT) {
+        return Err(head.wrong(&file, "\"format\": \"gough-problem/1\""));
     }
     let drawing: ProblemDrawing = json::parse(&file, bytes)?;
     let units = drawing.units;
@@ -147,14 +148,15 @@ pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<P
 
 /// Reads the machine of a problem file, or the calibrated machine of a result file. Data are not looked for.
 pub fn read_model(path: &Path) -> Result<Model, FileError> {
-    parse_model(path, &json::read_bytes(path)?)
+    parse_model(path, &json::read(path)?)
 }
 
 /// The machine that `bytes` hold; `path` names the file.
 pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
     let file = path.display().to_string();
     let at = Place::file(&file);
-    let (name, units, mechanism, columns) = match format_of(&file, bytes)?.as_deref() {
+    let head = Head::read(&file, bytes)?;
+    let (name, units, mechanism, columns) = match head.format() {
         Some(PROBLEM_FORMAT) => {
             let problem: ProblemDrawing = json::parse(&file, bytes)?;
             let columns = problem.data.and_then(|data| data.columns);
@@ -164,7 +166,7 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
             let result: ResultFile = json::parse(&file, bytes)?;
             (result.problem, result.units, result.mechanism, None)
         }
-        _ => return Err(wrong_format(&file, bytes, "gough-problem/1 or gough-result/1")?),
+        _ => return Err(head.wrong(&file, "gough-problem/1 or gough-result/1")),
     };
     let mechanism = mechanism.read(units, &at.key("mechanism"))?.mechanism;
     Ok(Model { name, units, mechanism, columns, file: file.clone() })
@@ -176,15 +178,24 @@ struct Head {
     format: Option<Value>,
 }
 
-fn format_of(file: &str, bytes: &[u8]) -> Result<Option<String>, FileError> {
-    let head: Head = json::parse(file, bytes)?;
-    Ok(head.format.as_ref().and_then(Value::as_str).map(str::to_owned))
-}
+impl Head {
+    fn read(file: &str, bytes: &[u8]) -> Result<Self, FileError> {
+        json::parse(file, bytes).map_err(|error| match json::parse::<ProblemDrawing>(file, bytes) {
+            // It skips what it does not know, so that the whole problem names the place better.
+            Err(closer) if matches!(closer.fault, Fault::NotJson(_)) => closer,
+            _ => error,
+        })
+    }
 
-fn wrong_format(file: &str, bytes: &[u8], expected: &'static str) -> Result<FileError, FileError> {
-    let head: Head = json::parse(file, bytes)?;
-    let found = head.format.map_or_else(|| "not stated".into(), |format| quoted(&format.to_string()));
-    Ok(Place::file(file).key("format").error(Fault::Format { found, expected }))
+    fn format(&self) -> Option<&str> {
+        self.format.as_ref().and_then(Value::as_str)
+    }
+
+    fn wrong(&self, file: &str, expected: &'static str) -> FileError {
+        let found =
+            self.format.as_ref().map_or_else(|| "not stated".into(), |found| quoted(&found.to_string()));
+        Place::file(file).key("format").error(Fault::Format { found, expected })
+    }
 }
 
 fn stem(path: &Path) -> String {

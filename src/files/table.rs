@@ -1,5 +1,6 @@
 //! Tables of readings and poses: CSV, one posture a row.
 
+use super::bytes::{FIRST_LOOK, first_byte, read_bytes};
 use super::columns::{ColumnsDrawing, Layout};
 use super::error::{FileError, quoted};
 use super::fault::Fault;
@@ -7,14 +8,7 @@ use super::place::Place;
 use super::pose::PoseDrawing;
 use csv::StringRecord;
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-
-/// Bytes within which the header must end.
-const LONGEST_HEADER: usize = 1 << 20;
-/// Largest table that is read, MB.
-const LARGEST_TABLE: u64 = 1024;
 
 /// Which parts of poses a table must hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,23 +45,24 @@ pub struct TableRow {
     pub pose: PoseDrawing,
 }
 
-/// The rows of a CSV file that count.
-pub fn read_table(path: &Path, request: &TableRequest<'_>) -> Result<Vec<TableRow>, FileError> {
+/// The bytes of a CSV file. What cannot be a table is refused before the rest is read.
+pub fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     let name = path.display().to_string();
-    let whole = Place::file(&name);
-    let file = File::open(path).map_err(|why| whole.error(Fault::Read(why)))?;
-    if file.metadata().is_ok_and(|data| data.len() > LARGEST_TABLE << 20) {
-        return Err(whole.error(Fault::TooLarge(LARGEST_TABLE)));
-    }
-    let mut source = BufReader::with_capacity(LONGEST_HEADER, file);
-    check_beginning(source.fill_buf().map_err(|why| whole.error(Fault::Read(why)))?, &whole)?;
-    let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(source);
+    read_bytes(path, |beginning| check_beginning(&name, beginning))
+}
+
+/// The rows that count of the table that `bytes` of the file called `file` hold.
+pub fn parse(file: &str, bytes: &[u8], request: &TableRequest<'_>) -> Result<Vec<TableRow>, FileError> {
+    check_beginning(file, bytes)?;
+    let whole = Place::file(file);
+    let mut lines = Lines { bytes, byte: 0, line: 1 };
+    let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(bytes);
     let header = reader.headers().map_err(|why| whole.error(Fault::Table(why.to_string())))?.clone();
     let layout = Layout::find(header.iter().collect(), request, &whole.line(1))?;
     let mut rows = Vec::new();
     let mut record = StringRecord::new();
     while reader.read_record(&mut record).map_err(|why| whole.error(Fault::Table(why.to_string())))? {
-        let line = record.position().map_or(0, csv::Position::line);
+        let line = lines.of(record.position().map_or(0, csv::Position::byte));
         let row = Row { header: &header, record: &record, at: whole.line(line) };
         if record.len() != header.len() {
             return Err(row.at.error(Fault::CellCount { found: record.len(), wanted: header.len() }));
@@ -86,18 +81,47 @@ pub fn read_table(path: &Path, request: &TableRequest<'_>) -> Result<Vec<TableRo
     Ok(rows)
 }
 
-/// Refuses what cannot be a table before much of it is read.
-fn check_beginning(bytes: &[u8], at: &Place<'_>) -> Result<(), FileError> {
-    if bytes.iter().all(u8::is_ascii_whitespace) {
+/// Refuses what cannot be a table.
+pub(super) fn check_beginning(file: &str, bytes: &[u8]) -> Result<(), FileError> {
+    let at = Place::file(file);
+    let beginning = bytes.get(..FIRST_LOOK as usize).unwrap_or(bytes);
+    if first_byte(bytes).is_none() {
         return Err(at.error(Fault::Empty));
     }
-    if bytes.contains(&0) {
+    if beginning.contains(&0) {
         return Err(at.error(Fault::Table("it holds zero bytes".into())));
     }
-    if bytes.len() >= LONGEST_HEADER && !bytes.iter().any(|byte| matches!(byte, b'\n' | b'\r')) {
+    if bytes.len() as u64 >= FIRST_LOOK && !beginning.iter().any(|byte| matches!(byte, b'\n' | b'\r')) {
         return Err(at.error(Fault::Table("its first line does not end".into())));
     }
     Ok(())
+}
+
+/// Counts lines. The reader's own count is that of the blank lines before a record, and lags where lines end in
+/// carriage return and line feed.
+struct Lines<'a> {
+    bytes: &'a [u8],
+    byte: usize,
+    line: u64,
+}
+
+impl Lines<'_> {
+    /// Line of the record that begins at `byte`, or behind the line ends there. Records come in order.
+    fn of(&mut self, byte: u64) -> u64 {
+        while let Some(here) = self.bytes.get(self.byte) {
+            let ends = match here {
+                b'\n' => true,
+                b'\r' => self.bytes.get(self.byte + 1) != Some(&b'\n'),
+                _ => false,
+            };
+            if self.byte as u64 >= byte && !matches!(here, b'\n' | b'\r') {
+                break;
+            }
+            self.line += u64::from(ends);
+            self.byte += 1;
+        }
+        self.line
+    }
 }
 
 struct Row<'a> {

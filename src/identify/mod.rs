@@ -1,10 +1,12 @@
 //! From measurements to a calibrated machine: registration, identification, scores and counts.
 
 pub mod counts;
+pub mod noise;
 pub mod registration;
 pub mod run;
 pub mod score;
 
 pub use counts::{Counts, Visibility};
+pub use noise::{NoiseEstimate, identify_without_noise};
 pub use run::{Identification, IdentifyError, identify};
 pub use score::Fit;

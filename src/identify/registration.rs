@@ -133,7 +133,7 @@ fn nearest_rotation(sum: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let (u, v_t) = (svd.u?, svd.v_t?);
     let mut s = svd.singular_values;
     s.as_mut_slice().sort_by(|a, b| b.total_cmp(a));
-    if !(s[1] > 1e-9 * s[0]) {
+    if s[1].is_nan() || s[1] <= 1e-9 * s[0] {
         return None;
     }
     let mut flip = Matrix3::identity();

@@ -5,10 +5,13 @@ use super::registration::{FreeEnds, registered};
 use super::score::{Fit, score};
 use crate::calibration::{Calibration, Sample, SetAside};
 use crate::measure::Weights;
-use crate::model::{Geometry, Mechanism};
+use crate::model::{Geometry, Mechanism, Posture};
 use crate::problem::{Form, Problem};
 use crate::solve::split::prior_weight;
 use crate::solve::{Estimate, Identifier, Iterate, Report, Stop};
+
+/// Ratio of the extreme singular values of the wrench matrix below which a posture is reported.
+const NEAR_SINGULAR: f64 = 1e-2;
 
 /// How often postures that were set aside are taken back.
 const ROUNDS: usize = 8;
@@ -31,6 +34,15 @@ pub enum IdentifyError {
     /// No posture closes.
     #[error("no posture closes with the nominal machine; {}: {}", .0.name, .0.reason)]
     NoneCloses(SetAside),
+}
+
+/// A posture near a singularity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NearSingular {
+    /// The sample.
+    pub name: String,
+    /// Singular values of its wrench matrix, descending (lengths in machine sizes).
+    pub singular_values: [f64; 6],
 }
 
 /// What an identification found.
@@ -56,6 +68,8 @@ pub struct Identification {
     pub set_aside_at_start: Vec<SetAside>,
     /// Samples that took no part to the end.
     pub set_aside: Vec<SetAside>,
+    /// Samples whose posture is near a singularity.
+    pub near_singular: Vec<NearSingular>,
     /// Prediction of the training samples by the drawing (free ends registered) and by the result.
     pub fit: (Option<Fit>, Option<Fit>),
     /// Number of residuals.
@@ -127,6 +141,7 @@ pub fn identify(
         nominal: visibility_at(&vec![0.0; at.len()]),
         deviations: geometry.deviations_from(&drawn.nominal()),
         rows: problem.rows(),
+        near_singular: near_singular(&start, &geometry, samples),
         set_aside: problem.set_aside().to_vec(),
         visibility: at_solution,
         start,
@@ -136,6 +151,24 @@ pub fn identify(
         trace,
         set_aside_at_start,
     })
+}
+
+/// Postures whose wrench matrix is close to losing rank.
+fn near_singular(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Vec<NearSingular> {
+    let mut posture = Posture::new(mechanism);
+    if posture.is_open_chain(mechanism) {
+        return Vec::new();
+    }
+    let mut found = Vec::new();
+    for sample in samples {
+        if sample.close(mechanism, geometry, &mut posture).is_ok() {
+            let singular_values = posture.wrench_singular_values();
+            if singular_values[5] < NEAR_SINGULAR * singular_values[0] {
+                found.push(NearSingular { name: sample.name.clone(), singular_values });
+            }
+        }
+    }
+    found
 }
 
 /// Standard errors of the link deviations from the singular value decomposition at the solution.

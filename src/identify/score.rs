@@ -5,17 +5,35 @@ use crate::measure::Row;
 use crate::model::{Geometry, Mechanism, Posture};
 use rayon::prelude::*;
 
+/// Size of a set of errors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Root mean square.
+    pub rms: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Spread {
+    /// Of the values, if there are any.
+    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let (mut count, mut square, mut max) = (0.0, 0.0, 0.0_f64);
+        for value in values {
+            count += 1.0;
+            square += value * value;
+            max = max.max(value);
+        }
+        (count > 0.0).then(|| Self { rms: f64::sqrt(square / count), max })
+    }
+}
+
 /// Prediction errors over the samples whose loops close.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
-    /// Root mean square displacement of the tool point, m; 0 where no position was measured.
-    pub position_rms: f64,
-    /// Largest displacement, m.
-    pub position_max: f64,
-    /// Root mean square rotation angle, rad; 0 where no rotation was measured.
-    pub rotation_rms: f64,
-    /// Largest rotation angle, rad.
-    pub rotation_max: f64,
+    /// Displacements of the tool point, m; `None` where no position was measured.
+    pub position: Option<Spread>,
+    /// Rotation angles, rad; `None` where no rotation was measured.
+    pub rotation: Option<Spread>,
     /// Root mean square of the whitened residuals: 1 where errors are as large as the stated noise.
     pub weighted_rms: f64,
     /// Samples that took part.
@@ -42,20 +60,11 @@ pub fn score(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> 
     if scored.is_empty() {
         return None;
     }
-    let spread = |values: Vec<f64>| -> (f64, f64) {
-        let count = values.len().max(1) as f64;
-        let square: f64 = values.iter().map(|v| v * v).sum();
-        ((square / count).sqrt(), values.into_iter().fold(0.0, f64::max))
-    };
-    let (position_rms, position_max) = spread(scored.iter().filter_map(|(e, _, _)| e.position).collect());
-    let (rotation_rms, rotation_max) = spread(scored.iter().filter_map(|(e, _, _)| e.rotation).collect());
     let square: f64 = scored.iter().map(|(_, square, _)| square).sum();
     let rows: usize = scored.iter().map(|(_, _, rows)| rows).sum();
     Some(Fit {
-        position_rms,
-        position_max,
-        rotation_rms,
-        rotation_max,
+        position: Spread::of(scored.iter().filter_map(|(e, _, _)| e.position)),
+        rotation: Spread::of(scored.iter().filter_map(|(e, _, _)| e.rotation)),
         weighted_rms: (square / rows.max(1) as f64).sqrt(),
         samples: scored.len(),
     })

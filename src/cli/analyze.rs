@@ -1,0 +1,136 @@
+//! `gough analyze`: what poses can reveal.
+
+use super::command::Ending;
+use super::error::CliError;
+use super::progress::with_spinner;
+use crate::calibration::{Coordinates, Sample};
+use crate::files::{DataPlaces, Output, ProblemFile, json, read_problem};
+use crate::identify::Visibility;
+use crate::identify::counts::visibility;
+use crate::model::mobility;
+use crate::problem::Form;
+use crate::simulate::{close, draw_postures};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Postures drawn where a problem holds none.
+const PLANNED: usize = 60;
+
+/// Arguments.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Problem file; without samples, random postures in the actuators' ranges stand in for them
+    problem: PathBuf,
+    /// Print counts and singular values as JSON
+    #[arg(long)]
+    json: bool,
+    /// Further folder in which data files are looked for
+    #[arg(long, value_name = "DIR")]
+    data_dir: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Analysis<'a> {
+    counts: crate::files::summary::Counts,
+    singular_values: &'a [f64],
+}
+
+/// Prints the three counts, at nominal.
+pub fn run(args: &Args) -> Result<Ending, CliError> {
+    let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
+    problem.require_tolerances()?;
+    mobility::check(&problem.mechanism, &problem.mechanism.nominal())
+        .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
+    let planned = problem.data.is_empty();
+    let samples = if planned { planned_samples(&problem)? } else { problem.data.samples.clone() };
+    let zero = vec![0.0; problem.mechanism.component_count()];
+    let seen = with_spinner(format!("analysing {}", problem.name), || {
+        visibility(&problem.mechanism, &samples, &zero)
+    })
+    .map_err(|why| CliError::Evaluate { file: problem.file.clone(), why })?;
+    let text = if args.json {
+        let counts = seen.counts.into();
+        json::text(&Analysis { counts, singular_values: &seen.singular_values })
+            .map_err(|why| CliError::Usage(format!("the analysis cannot be written: {why}")))?
+    } else {
+        words(&problem, &samples, planned, &seen).into_bytes()
+    };
+    Output::Stdout.write(&text)?;
+    Ok(Ending::Done)
+}
+
+/// Random postures at which the instrument is taken to measure a full pose with the stated noise.
+fn planned_samples(problem: &ProblemFile) -> Result<Vec<Sample>, CliError> {
+    let mechanism = &problem.mechanism;
+    let covariance = problem.data.noise.ok_or_else(|| {
+        CliError::Usage(format!(
+            "{}: neither samples nor data.noise: state the noise to plan with",
+            problem.file
+        ))
+    })?;
+    let simulate = |why| CliError::Simulate { file: problem.file.clone(), why };
+    let nominal = mechanism.nominal();
+    let postures = draw_postures(mechanism, &[&nominal], PLANNED, 0).map_err(simulate)?;
+    let mut samples = Vec::with_capacity(PLANNED);
+    for (k, actuators) in postures.into_iter().enumerate() {
+        let name = format!("planned posture {}", k + 1);
+        let posture = close(mechanism, &nominal, &actuators).map_err(|why| CliError::Posture {
+            file: problem.file.clone(),
+            sample: name.clone(),
+            why,
+        })?;
+        let pose = crate::measure::Pose::new(posture.tool(), [true; 6], &covariance)
+            .map_err(|why| CliError::Usage(format!("{}: data.noise: {why}", problem.file)))?;
+        samples.push(Sample { name, actuators, measurement: std::sync::Arc::new(pose) });
+    }
+    Ok(samples)
+}
+
+fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibility) -> String {
+    let mechanism = &problem.mechanism;
+    let (r, p) = mechanism.joint_counts();
+    let coordinates = Coordinates::new(mechanism, Form::Minimal);
+    let counts = seen.counts;
+    let rows: usize = samples.iter().map(|sample| sample.measurement.rows()).sum();
+    let what = if planned { "random postures (the problem has no samples)" } else { "measured postures" };
+    let mut text = format!(
+        "{}: {} limbs, {r} angular and {p} prismatic joints, {} actuated; {} {what}, {rows} readings\n\n",
+        problem.name,
+        mechanism.limbs.len(),
+        mechanism.actuator_count(),
+        samples.len(),
+    );
+    text.push_str(&format!(
+        "{:>5}  structural: combinations of link deviations that no pose is blind to by the kind of joints\n",
+        counts.structural
+    ));
+    for (limb, own) in mechanism.limbs.iter().zip(&coordinates.limbs) {
+        let angular = limb.joints.iter().filter(|joint| joint.motion.is_angular()).count();
+        let prismatic = limb.joints.len() - angular;
+        let held = own.sigma.len() - own.free.len();
+        let without = if held > 0 { format!(", {held} components held") } else { String::new() };
+        text.push_str(&format!(
+            "         {}: {} = 4*{angular} + 2*{prismatic} + 6 - {} passive{without}\n",
+            limb.name,
+            own.slice.len(),
+            limb.passive_count(),
+        ));
+    }
+    text.push_str(&format!(
+        "{:>5}  first order: rank at the nominal geometry over these postures; {} combinations have no \
+         first-order effect there\n         (axes that meet, or stand square or parallel), but appear once the \
+         machine deviates\n",
+        counts.first_order,
+        counts.structural - counts.first_order,
+    ));
+    text.push_str(&format!(
+        "{:>5}  practical: singular values above 1, where these readings know more than the tolerances\n\n",
+        counts.practical
+    ));
+    text.push_str("whitened singular values (signal-to-noise ratio of one tolerance), at nominal:\n");
+    for chunk in seen.singular_values.chunks(10) {
+        let line: Vec<String> = chunk.iter().map(|s| format!("{s:9.3e}")).collect();
+        text.push_str(&format!("  {}\n", line.join(" ")));
+    }
+    text
+}

@@ -1,0 +1,13 @@
+//! The command line: one file a command.
+
+pub mod analyze;
+pub mod command;
+pub mod error;
+pub mod identify;
+pub mod predict;
+pub mod progress;
+pub mod simulate;
+pub mod solvers;
+pub mod summary;
+
+pub use command::run;

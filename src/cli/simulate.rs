@@ -1,0 +1,98 @@
+//! `gough simulate`: a benchmark problem with known truth.
+
+use super::command::Ending;
+use super::error::CliError;
+use crate::files::{
+    DataDrawing, DataPlaces, Output, ProblemFile, SampleDrawing, json, noise::NoiseDrawing, read_problem,
+    redraw,
+};
+use crate::model::mobility;
+use crate::simulate::{Plan, simulate};
+use std::path::PathBuf;
+
+/// Arguments.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Problem file: machine, tolerances and noise; its data, if any, are replaced
+    problem: PathBuf,
+    /// Number of measured postures
+    #[arg(long, value_name = "N")]
+    poses: usize,
+    /// Number of further postures with their true poses, for the hold-out
+    #[arg(long, value_name = "N", default_value_t = 40)]
+    holdout: usize,
+    /// Seed of everything random
+    #[arg(long, value_name = "N")]
+    seed: u64,
+    /// Factor on the stated noise; the problem keeps stating it
+    #[arg(long, value_name = "SCALE", default_value_t = 1.0)]
+    noise: f64,
+    /// Factor on the tolerances from which the truth is drawn
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    distance: f64,
+    /// Where to write the problem
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+/// Writes the problem with simulated data, hold-out and truth.
+pub fn run(args: &Args) -> Result<Ending, CliError> {
+    let output = Output::named(Some(&args.output));
+    output.check()?;
+    for (name, value) in [("--noise", args.noise), ("--distance", args.distance)] {
+        if !value.is_finite() || value < 0.0 {
+            return Err(CliError::Usage(format!("{name} must be a number that is not negative")));
+        }
+    }
+    if args.poses == 0 {
+        return Err(CliError::Usage("--poses must be at least 1".into()));
+    }
+    let problem = read_problem(&args.problem, &DataPlaces::from_environment(None))?;
+    problem.require_tolerances()?;
+    mobility::check(&problem.mechanism, &problem.mechanism.nominal())
+        .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
+    let covariance = problem.data.noise.ok_or_else(|| {
+        CliError::Usage(format!("{}: data.noise is not stated: simulation needs to know it", problem.file))
+    })?;
+    let Args { poses, holdout, seed, noise, distance, .. } = *args;
+    let plan = Plan { poses, holdout, seed, noise, distance };
+    let simulated = simulate(&problem.mechanism, &covariance, &plan)
+        .map_err(|why| CliError::Simulate { file: problem.file.clone(), why })?;
+    let drawing = with_data(&problem, &simulated, args);
+    let text = json::text(&drawing)
+        .map_err(|why| CliError::Usage(format!("the problem cannot be written: {why}")))?;
+    output.write(&text)?;
+    Ok(Ending::Done)
+}
+
+fn with_data(
+    problem: &ProblemFile,
+    simulated: &crate::simulate::Simulated,
+    args: &Args,
+) -> crate::files::ProblemDrawing {
+    let (mechanism, units) = (&problem.mechanism, problem.units);
+    let drawn = |samples: &[(Vec<f64>, crate::lie::Se3)]| {
+        samples.iter().map(|(q, pose)| SampleDrawing::of(mechanism, units, q, pose)).collect()
+    };
+    let stated = problem.drawing.data.clone().unwrap_or_default();
+    let (noise, covariance): (Option<NoiseDrawing>, _) = (stated.noise, stated.covariance);
+    let origin = format!(
+        "gough simulate --poses {} --holdout {} --seed {} --noise {} --distance {}",
+        args.poses, args.holdout, args.seed, args.noise, args.distance
+    );
+    let holdout = (args.holdout > 0).then(|| {
+        let samples = Some(drawn(&simulated.holdout));
+        Box::new(DataDrawing { origin: Some("true poses".into()), samples, ..DataDrawing::default() })
+    });
+    let mut drawing = problem.drawing.clone();
+    drawing.data = Some(DataDrawing {
+        origin: Some(origin),
+        noise,
+        covariance,
+        samples: Some(drawn(&simulated.samples)),
+        holdout,
+        ..DataDrawing::default()
+    });
+    drawing.truth = Some(redraw(mechanism, &simulated.truth, units).without_priors());
+    drawing
+}

@@ -1,0 +1,306 @@
+//! The report of one identification: the result file, and its summary for people.
+
+use crate::files::noise::NoiseDrawing;
+use crate::files::result::RESULT_FORMAT;
+use crate::files::summary::{
+    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, Deviation, LinkResult, PoseErrors, SetAsideEntry,
+    TraceEntry, WeightEntry,
+};
+use crate::files::{ProblemFile, ResultFile, Units, redraw};
+use crate::identify::{self, Fit, Identification, NoiseEstimate};
+use crate::model::Prior;
+use crate::solve::Identifier;
+
+/// Deviations shown.
+const SHOWN: usize = 5;
+/// Standard deviations of chi-square beyond which it is remarked on.
+const REMARKABLE: f64 = 3.0;
+
+/// Everything that a report is made of.
+pub struct Summary<'a> {
+    /// The problem.
+    pub problem: &'a ProblemFile,
+    /// What was found.
+    pub found: &'a Identification,
+    /// Prediction of the hold-out by nominal and result.
+    pub holdout: (Option<Fit>, Option<Fit>),
+    /// Noise, where it was estimated.
+    pub noise: Option<NoiseEstimate>,
+    /// The identifier.
+    pub identifier: &'a dyn Identifier,
+}
+
+impl From<identify::Counts> for Counts {
+    fn from(counts: identify::Counts) -> Self {
+        let identify::Counts { structural, first_order, practical } = counts;
+        Self { structural, first_order, practical }
+    }
+}
+
+fn errors(fit: Option<Fit>, units: Units) -> PoseErrors {
+    let Some(fit) = fit else { return PoseErrors::default() };
+    PoseErrors {
+        position_rms: fit.position.map(|p| p.rms),
+        position_max: fit.position.map(|p| p.max),
+        rotation_rms: fit.rotation.map(|r| r.rms),
+        rotation_max: fit.rotation.map(|r| r.max),
+        weighted_rms: Some(fit.weighted_rms),
+    }
+    .in_units(units)
+}
+
+fn before_after(pair: (Option<Fit>, Option<Fit>), units: Units) -> Option<BeforeAfter> {
+    (pair.0.is_some() || pair.1.is_some())
+        .then(|| BeforeAfter { before: errors(pair.0, units), after: errors(pair.1, units) })
+}
+
+impl Summary<'_> {
+    /// The result file.
+    pub fn file(&self) -> ResultFile {
+        let (found, units) = (self.found, self.problem.units);
+        let report = &found.report;
+        ResultFile {
+            format: RESULT_FORMAT.into(),
+            problem: self.problem.name.clone(),
+            solver: report.identifier.into(),
+            settings: self.identifier.settings().into_iter().map(|(k, v)| (k.to_owned(), v)).collect(),
+            converged: report.outcome.converged(),
+            reason: report.outcome.to_string(),
+            iterations: found.trace.len(),
+            units,
+            counts: found.counts().map(Counts::from).unwrap_or_default(),
+            fit: before_after(found.fit, units),
+            holdout: before_after(self.holdout, units),
+            chi_square: found
+                .chi_square()
+                .map(|(value, degrees_of_freedom)| ChiSquare { value, degrees_of_freedom }),
+            noise_estimate: self.noise.map(|noise| NoiseDrawing {
+                angle: Some(units.from_radians(noise.angle)),
+                length: Some(units.from_metres(noise.length)),
+                covariance: None,
+            }),
+            warnings: self.warnings(),
+            set_aside: found
+                .set_aside
+                .iter()
+                .map(|s| SetAsideEntry { sample: s.name.clone(), reason: s.reason.to_string() })
+                .collect(),
+            active_bounds: report
+                .active
+                .iter()
+                .map(|a| ActiveBoundEntry { name: a.name.clone(), limit: a.limit, multiplier: a.multiplier })
+                .collect(),
+            kkt: report.kkt,
+            weights: report
+                .weights
+                .iter()
+                .map(|w| WeightEntry { weight: w.weight, score: w.score })
+                .collect(),
+            singular_values: found.visibility.as_ref().map(|v| v.singular_values.clone()).unwrap_or_default(),
+            trace: found
+                .trace
+                .iter()
+                .map(|t| TraceEntry { cost: t.cost, step: t.step, kept: t.kept })
+                .collect(),
+            links: self.links(),
+            mechanism: redraw(&found.start, &found.geometry, units),
+            versions: [("gough".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
+        }
+    }
+
+    fn links(&self) -> Vec<LinkResult> {
+        let mut links = Vec::new();
+        let names =
+            self.found.start.limbs.iter().flat_map(|limb| limb.links.iter().map(|l| (&limb.name, &l.name)));
+        for (k, (limb, link)) in names.enumerate() {
+            let six = |of: &[f64]| of.get(6 * k..6 * k + 6).and_then(|s| <[f64; 6]>::try_from(s).ok());
+            let Some(deviation) = six(&self.found.deviations) else { continue };
+            let std = self.found.std.as_deref().and_then(six);
+            links.push(LinkResult {
+                limb: limb.clone(),
+                link: link.clone(),
+                deviation: Deviation::of(&deviation, self.problem.units),
+                std: std.map(|std| Deviation::of(&std, self.problem.units)),
+            });
+        }
+        links
+    }
+
+    /// What deserves attention.
+    fn warnings(&self) -> Vec<String> {
+        let found = self.found;
+        let mut warnings = Vec::new();
+        if !found.report.outcome.converged() {
+            warnings.push(format!("not converged: {}", found.report.outcome));
+        }
+        if !found.set_aside.is_empty() {
+            let names: Vec<&str> = found.set_aside.iter().map(|s| s.name.as_str()).collect();
+            warnings.push(format!("{} postures took no part: {}", names.len(), names.join(", ")));
+        }
+        let taken_back = found.set_aside_at_start.len().saturating_sub(found.set_aside.len());
+        if taken_back > 0 {
+            warnings
+                .push(format!("{taken_back} postures that the nominal machine cannot reach were taken back"));
+        }
+        for near in &found.near_singular {
+            warnings.push(format!(
+                "{} is nearly singular: the wrench matrix has singular values {:.2e} to {:.2e}",
+                near.name, near.singular_values[0], near.singular_values[5]
+            ));
+        }
+        if let Some(counts) = found.counts()
+            && found.rows < counts.structural
+        {
+            warnings.push(format!(
+                "{} readings for {} parameters: what they do not determine stays at nominal; \
+                 measure at least {} more",
+                found.rows,
+                counts.structural,
+                counts.structural - found.rows
+            ));
+        }
+        if let (None, Some((value, freedom))) = (self.noise, found.chi_square())
+            && found.report.outcome.converged()
+            && freedom > 0.0
+            && (value - freedom).abs() > REMARKABLE * (2.0 * freedom).sqrt()
+        {
+            let ratio = (value / freedom).sqrt();
+            let why = if ratio > 1.0 {
+                "noise understated, outliers, or errors that the model does not have"
+            } else {
+                "noise overstated"
+            };
+            warnings.push(format!("residuals are {ratio:.2} times the stated noise: {why}"));
+        }
+        for bound in &found.report.active {
+            warnings.push(format!(
+                "{} is at its bound of {:.3} tolerances (multiplier {:.3e})",
+                bound.name, bound.limit, bound.multiplier
+            ));
+        }
+        warnings
+    }
+}
+
+/// Four significant digits.
+fn digits(value: f64) -> String {
+    if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
+        return format!("{value:.3e}");
+    }
+    let before = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
+    format!("{value:.*}", usize::try_from(3 - before).unwrap_or(0))
+}
+
+/// The summary for people.
+pub fn summary(of: &Summary<'_>) -> String {
+    let (found, problem) = (of.found, of.problem);
+    let (length, angle) = (problem.units.length_symbol(), problem.units.angle_symbol());
+    let mechanism = &problem.mechanism;
+    let (r, p) = mechanism.joint_counts();
+    let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
+    let mut text = format!(
+        "{}: {} limbs, {r} angular and {p} prismatic joints, {} actuated\n{} postures, {} readings; {}: {} after {} iterations\n\n",
+        problem.name,
+        mechanism.limbs.len(),
+        mechanism.actuator_count(),
+        taking_part,
+        found.rows,
+        found.report.identifier,
+        found.report.outcome,
+        found.trace.len(),
+    );
+    if let Some(counts) = found.counts() {
+        let nominal = found.nominal.as_ref().map_or(counts, |v| v.counts);
+        text.push_str(&format!(
+            "parameters  structural {}, first order {} at nominal and {} at the solution, practical {}\n",
+            counts.structural, nominal.first_order, counts.first_order, counts.practical
+        ));
+    }
+    if let Some(noise) = of.noise {
+        text.push_str(&format!(
+            "noise       none stated; estimated from the residual: {} {angle}, {} {length}\n",
+            digits(problem.units.from_radians(noise.angle)),
+            digits(problem.units.from_metres(noise.length)),
+        ));
+    }
+    text.push_str(&format!(
+        "\n{:20} {:>12} {:>12} {:>12} {:>12} {:>9}\n",
+        "error",
+        format!("rms/{length}"),
+        format!("max/{length}"),
+        format!("rms/{angle}"),
+        format!("max/{angle}"),
+        "in noise"
+    ));
+    let metres = |v: Option<f64>| v.map_or("-".into(), |v| digits(problem.units.from_metres(v)));
+    let radians = |v: Option<f64>| v.map_or("-".into(), |v| digits(problem.units.from_radians(v)));
+    let (before, after) = ("before", "after");
+    for (name, when, fit) in [
+        ("training", before, found.fit.0),
+        ("", after, found.fit.1),
+        ("hold-out", before, of.holdout.0),
+        ("", after, of.holdout.1),
+    ] {
+        let Some(fit) = fit else { continue };
+        text.push_str(&format!(
+            "{:10} {:9} {:>12} {:>12} {:>12} {:>12} {:>9}\n",
+            name,
+            when,
+            metres(fit.position.map(|p| p.rms)),
+            metres(fit.position.map(|p| p.max)),
+            radians(fit.rotation.map(|r| r.rms)),
+            radians(fit.rotation.map(|r| r.max)),
+            digits(fit.weighted_rms),
+        ));
+    }
+    text.push_str(&largest(of));
+    for warning in of.warnings() {
+        text.push_str(&format!("warning: {warning}\n"));
+    }
+    text
+}
+
+/// The largest deviations in tolerances, with their standard errors.
+fn largest(of: &Summary<'_>) -> String {
+    let (found, units) = (of.found, of.problem.units);
+    let mut components = Vec::new();
+    let mut index = 0;
+    for limb in &found.start.limbs {
+        for link in &limb.links {
+            for i in 0..6 {
+                let prior = if i < 3 { link.tolerance.angle } else { link.tolerance.length };
+                if let (Prior::Sigma(sigma), Some(&d)) = (prior, found.deviations.get(index)) {
+                    components.push((d / sigma, d, index, i, format!("{}.{}", limb.name, link.name)));
+                }
+                index += 1;
+            }
+        }
+    }
+    components.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()).then(a.2.cmp(&b.2)));
+    components.retain(|c| c.0.is_finite() && c.0 != 0.0);
+    if components.is_empty() {
+        return "\n".into();
+    }
+    let mut text = "\nlargest deviations, each link in the frame of the joint that it carries\n".to_owned();
+    for (ratio, d, index, i, name) in components.into_iter().take(SHOWN) {
+        let (kind, symbol) = match i {
+            0..3 => ("rotation", units.angle_symbol()),
+            _ => ("translation", units.length_symbol()),
+        };
+        let shown = |v: f64| digits(if i < 3 { units.from_radians(v) } else { units.from_metres(v) });
+        let error = found
+            .std
+            .as_ref()
+            .and_then(|std| std.get(index))
+            .map_or(String::new(), |s| format!(" +- {}", shown(*s)));
+        text.push_str(&format!(
+            "  {:24} {:11} {}  {}{error} {symbol}  ({ratio:+.2} tolerances)\n",
+            name,
+            kind,
+            ["x", "y", "z"][i % 3],
+            shown(d),
+        ));
+    }
+    text.push('\n');
+    text
+}

@@ -1,0 +1,169 @@
+//! Seeded synthetic measurements of a machine whose truth is known.
+
+use crate::lie::{Se3, so3};
+use crate::model::inverse::close_from_home;
+use crate::model::{Geometry, Mechanism, NotClosed, Posture, Prior};
+use nalgebra::{Matrix6, Vector6};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// Half of the range of an angular joint that states none, rad.
+const ANGULAR_RANGE: f64 = 0.5;
+/// Half of the range of a prismatic joint that states none, machine sizes.
+const LINEAR_RANGE: f64 = 0.1;
+/// Postures tried for each one that is wanted.
+const TRIES: usize = 200;
+/// Smallest singular value of the wrench matrix, relative to the largest, of a posture that is taken.
+const REGULAR: f64 = 1e-3;
+
+/// Why nothing could be simulated.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SimulateError {
+    /// Too few random postures close.
+    #[error(
+        "only {found} of {wanted} postures close within the actuators' ranges; the last that did not: {last}; \
+         state narrower \"range\" on the actuated joints"
+    )]
+    Workspace {
+        /// Postures found.
+        found: usize,
+        /// Postures wanted.
+        wanted: usize,
+        /// Why the last one failed.
+        last: NotClosed,
+    },
+    /// The covariance has no square root.
+    #[error("the noise covariance is not positive definite")]
+    Noise,
+}
+
+/// What to simulate.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan {
+    /// Measured postures.
+    pub poses: usize,
+    /// Further postures with their true poses.
+    pub holdout: usize,
+    /// Of everything random. Truth, postures and noise have streams of their own.
+    pub seed: u64,
+    /// Factor on the noise.
+    pub noise: f64,
+    /// Factor on the tolerances from which the truth is drawn.
+    pub distance: f64,
+}
+
+/// A true machine and what was measured of it.
+#[derive(Clone, Debug)]
+pub struct Simulated {
+    /// The true links.
+    pub truth: Geometry,
+    /// Actuator variables (rad, m) and measured pose of each posture.
+    pub samples: Vec<(Vec<f64>, Se3)>,
+    /// Actuator variables and true pose of each hold-out posture.
+    pub holdout: Vec<(Vec<f64>, Se3)>,
+}
+
+fn stream(seed: u64, number: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(number);
+    rng
+}
+
+/// Link deviations (rad, m) drawn from `distance` times the tolerances; free and held links stay as drawn.
+pub fn draw_deviations(mechanism: &Mechanism, seed: u64, distance: f64) -> Vec<f64> {
+    let mut rng = stream(seed, 0);
+    let mut deviations = Vec::with_capacity(mechanism.component_count());
+    for link in mechanism.limbs.iter().flat_map(|limb| &limb.links) {
+        for prior in [link.tolerance.angle, link.tolerance.length] {
+            for _ in 0..3 {
+                let normal: f64 = StandardNormal.sample(&mut rng);
+                deviations.push(match prior {
+                    Prior::Sigma(sigma) => normal * sigma * distance,
+                    Prior::Held | Prior::Free => 0.0,
+                });
+            }
+        }
+    }
+    deviations
+}
+
+/// Random postures inside the actuators' ranges that close, on home's branch, with every one of `geometries`.
+pub fn draw_postures(
+    mechanism: &Mechanism,
+    geometries: &[&Geometry],
+    count: usize,
+    seed: u64,
+) -> Result<Vec<Vec<f64>>, SimulateError> {
+    let mut rng = stream(seed, 1);
+    let length = mechanism.characteristic_length();
+    let mut postures = Vec::with_capacity(count);
+    let mut last = NotClosed::NotFinite;
+    for _ in 0..TRIES * count {
+        if postures.len() == count {
+            break;
+        }
+        let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
+        let actuators: Vec<f64> = joints
+            .map(|joint| {
+                let half = if joint.motion.is_angular() { ANGULAR_RANGE } else { LINEAR_RANGE * length };
+                let (low, high) =
+                    joint.range.map_or((-half, half), |(l, h)| (l - joint.home, h - joint.home));
+                low + rng.random::<f64>() * (high - low)
+            })
+            .collect();
+        let closes = geometries.iter().try_for_each(|geometry| {
+            let posture = close(mechanism, geometry, &actuators)?;
+            let s = posture.wrench_singular_values();
+            if s[5] < REGULAR * s[0] { Err(NotClosed::Singular { smallest: s[5] / s[0] }) } else { Ok(()) }
+        });
+        match closes {
+            Ok(()) => postures.push(actuators),
+            Err(why) => last = why,
+        }
+    }
+    if postures.len() < count {
+        return Err(SimulateError::Workspace { found: postures.len(), wanted: count, last });
+    }
+    Ok(postures)
+}
+
+/// The posture at these actuator variables, on home's branch.
+pub fn close(mechanism: &Mechanism, geometry: &Geometry, actuators: &[f64]) -> Result<Posture, NotClosed> {
+    let mut posture = Posture::new(mechanism);
+    posture.close(mechanism, geometry)?;
+    close_from_home(mechanism, geometry, &mut posture, actuators)?;
+    Ok(posture)
+}
+
+/// Draws a true machine from the tolerances and measures it with noise of the covariance (rotation first, rad
+/// and m).
+pub fn simulate(
+    mechanism: &Mechanism,
+    covariance: &Matrix6<f64>,
+    plan: &Plan,
+) -> Result<Simulated, SimulateError> {
+    let root = covariance.cholesky().ok_or(SimulateError::Noise)?.l();
+    let truth = mechanism.deviated(&draw_deviations(mechanism, plan.seed, plan.distance));
+    let nominal = mechanism.nominal();
+    let postures = draw_postures(mechanism, &[&nominal, &truth], plan.poses + plan.holdout, plan.seed)?;
+    let mut rng = stream(plan.seed, 2);
+    let (mut samples, mut holdout) = (Vec::new(), Vec::new());
+    for (k, actuators) in postures.into_iter().enumerate() {
+        let pose = match close(mechanism, &truth, &actuators) {
+            Ok(posture) => posture.tool(),
+            Err(last) => {
+                return Err(SimulateError::Workspace { found: k, wanted: plan.poses + plan.holdout, last });
+            }
+        };
+        if k < plan.poses {
+            let normal = Vector6::from_fn(|_, _| StandardNormal.sample(&mut rng));
+            let error: Vector6<f64> = root * normal * plan.noise;
+            let r = so3::exp(&error.fixed_rows::<3>(0).into_owned()) * pose.r;
+            samples.push((actuators, Se3 { r, p: pose.p + error.fixed_rows::<3>(3) }));
+        } else {
+            holdout.push((actuators, pose));
+        }
+    }
+    Ok(Simulated { truth, samples, holdout })
+}
