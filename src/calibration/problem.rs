@@ -117,7 +117,7 @@ impl<'a> Calibration<'a> {
     /// `work` on every chunk of the samples, in their order; on this thread where there is but one.
     fn by_chunks<T: Send>(
         &self,
-        work: impl Fn(&[Start<'_>]) -> Result<T, EvalError> + Sync,
+        work: impl Fn(&[Start<'_>]) -> Result<T, EvalError> + Sync + Send,
     ) -> Result<Vec<T>, EvalError> {
         if self.starts.len() <= CHUNK {
             return Ok(vec![work(&self.starts)?]);
