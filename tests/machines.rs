@@ -36,7 +36,8 @@ fn case(name: &str) -> (ProblemFile, ProblemFile) {
 /// Position error on fresh poses, m.
 fn fresh(name: &str, found: &Identification) -> f64 {
     let holdout = case(name).1;
-    score(&found.start, &found.geometry, &holdout.data.samples).expect("poses that close").position_rms
+    let fit = score(&found.start, &found.geometry, &holdout.data.samples).expect("poses that close");
+    fit.position.expect("positions").rms
 }
 
 fn run(name: &str, identifier: &dyn Identifier) -> Identification {
