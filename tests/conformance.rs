@@ -10,7 +10,7 @@ const STOP: Stop = Stop { iterations: 200, step: 1e-11, gradient: 1e-11, cost: 1
 
 /// The identifiers that minimise the plain sum of squares, as their report says.
 fn least_squares(report: &Report) -> bool {
-    report.estimate == Estimate::LeastSquares || report.identifier == "conic-bounded"
+    matches!(report.estimate, Estimate::LeastSquares | Estimate::Split { .. })
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {

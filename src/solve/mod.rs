@@ -1,5 +1,6 @@
 //! Identifiers: interchangeable ways to minimise one [`crate::problem::Problem`].
 
+pub mod anchored;
 pub mod argmin_adapter;
 pub mod argmin_lbfgs;
 pub mod argmin_lm;

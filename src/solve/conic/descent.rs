@@ -22,7 +22,7 @@ const TRIALS: usize = 40;
 /// Radius, relative to the point, below which nothing is gained by going on.
 const SHORTEST: f64 = 1e-14;
 /// KKT residual at which a run that can go no farther has arrived.
-const ARRIVED: f64 = 1e-7;
+const ARRIVED: f64 = 1e-6;
 /// Norm of the influence, relative to that at the start, below which a residual counts as none.
 const NO_RESIDUAL: f64 = 1e-8;
 
@@ -177,7 +177,7 @@ impl Descent<'_> {
                     // A shorter step is a better conditioned program.
                     let radius = 0.25 * point.radius.unwrap_or_else(|| self.reach(point));
                     point.radius = Some(radius);
-                    if radius <= SHORTEST * self.reach(point) {
+                    if radius <= SHORTEST * self.reach(point) || self.arrived(point) {
                         break;
                     }
                     continue;
@@ -209,15 +209,19 @@ impl Descent<'_> {
                 }
                 Err(why) => refused = Some(Failure::Evaluation(why)),
             }
-            if tiny {
+            if tiny || self.arrived(point) {
                 break;
             }
             resize(point, &step, ratio);
         }
-        if self.stationarity(point, &point.here).residual <= ARRIVED {
+        if self.arrived(point) {
             return Trial::Ended(Outcome::Converged(Criterion::Step));
         }
         Trial::Ended(Outcome::Failed(refused.unwrap_or(Failure::NoDescent)))
+    }
+
+    fn arrived(&self, point: &Point) -> bool {
+        self.stationarity(point, &point.here).residual <= ARRIVED
     }
 
     fn reach(&self, point: &Point) -> f64 {
