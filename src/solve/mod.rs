@@ -9,6 +9,7 @@ pub mod conic;
 pub mod damped;
 pub mod identifier;
 pub mod levenberg;
+pub mod limbwise;
 pub mod map;
 pub mod minimal;
 pub mod radius;

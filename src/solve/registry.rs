@@ -9,6 +9,7 @@ pub fn all() -> Vec<Box<dyn Identifier>> {
         Box::new(super::minimal::Minimal::default()),
         Box::new(super::argmin_lm::ArgminLm),
         Box::new(super::map::Map::default()),
+        Box::new(super::limbwise::Limbwise),
         Box::new(Conic::bounded()),
         Box::new(Conic::ridge()),
         Box::new(Conic::lasso()),
