@@ -140,7 +140,8 @@ fn a_start_at_the_solution_stays() {
     let residual: Residual = Box::new(|x: &[Dual]| Ok(vec![x[0], x[1].square() - x[0], 2.0 * x[1]]));
     each(&Formula::new(2, residual).with_prior().grouped(1), &[0.0, 0.0], |_, report| {
         assert_eq!(report.x, [0.0, 0.0], "{}", report.identifier);
-        assert!(report.outcome.converged(), "{}: {}", report.identifier, report.outcome);
+        let unsuited = matches!(report.outcome, Outcome::Failed(Failure::Unsuited(_)));
+        assert!(report.outcome.converged() || unsuited, "{}: {}", report.identifier, report.outcome);
     });
 }
 

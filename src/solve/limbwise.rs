@@ -26,7 +26,7 @@ impl Identifier for Limbwise {
         let mut report = Report::new(self.name(), start, estimate);
         let Some(parts) = problem.parts() else {
             let why = "it does not fall into independent parts: every sample must be a whole pose";
-            return report.fail(Failure::Start(why.into()));
+            return report.fail(Failure::Unsuited(why.into()));
         };
         let solved: Vec<Report> = parts
             .par_iter()
