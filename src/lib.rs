@@ -37,7 +37,7 @@
 //! assert!(found.report.outcome.converged());
 //!
 //! // Position errors of the drawing and of the identified machine, rms in m.
-//! let holdout = |geometry| score(&found.start, geometry, &problem.holdout.samples).and_then(|fit| fit.position);
+//! let holdout = |geometry: &gough::model::Geometry| score(&found.start, geometry, &problem.holdout.samples).and_then(|fit| fit.position);
 //! let before = holdout(&found.start.nominal()).ok_or("no hold-out")?.rms;
 //! let after = holdout(&found.geometry).ok_or("no hold-out")?.rms;
 //! assert!(before > 1e-3 && after < 1e-5);
