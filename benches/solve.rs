@@ -1,1 +1,120 @@
-fn main() {}
+//! One conic step at the sizes of a hexapod, and what argmin's executor costs over a plain loop.
+
+#![allow(missing_docs)]
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use faer::Mat;
+use gough::linalg;
+use gough::problem::{Compressed, EvalError, Linearized, Param, Problem};
+use gough::solve::Stop;
+use gough::solve::conic::here::Here;
+use gough::solve::conic::limits::Limits;
+use gough::solve::conic::loss::{Frame, loss};
+use gough::solve::conic::penalty::Penalty;
+use gough::solve::conic::step::Model;
+use gough::solve::damped::{column_norms, damped_step};
+use gough::solve::levenberg::minimise;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::hint::black_box;
+
+/// A linear problem of 600 rows whose Jacobian has the given rank and singular values of 1e3 down to 1.
+struct Linear {
+    jac: Mat<f64>,
+    r: Vec<f64>,
+    params: Vec<Param>,
+}
+
+impl Linear {
+    fn new(n: usize, rank: usize) -> Self {
+        let mut stream = ChaCha8Rng::seed_from_u64(n as u64);
+        let mut random = |rows, columns| Mat::from_fn(rows, columns, |_, _| stream.random_range(-1.0..1.0));
+        let (left, right): (Mat<f64>, Mat<f64>) = (random(600, rank), random(rank, n));
+        let decay = |k: usize| 10f64.powf(2.0 - 3.0 * k as f64 / rank as f64);
+        let jac =
+            Mat::from_fn(600, n, |i, j| (0..rank).map(|k| decay(k) * left[(i, k)] * right[(k, j)]).sum());
+        let noise: Mat<f64> = random(600, 1);
+        let truth: Vec<f64> = (0..n).map(|i| ((7 * i) as f64).sin()).collect();
+        let r =
+            linalg::mul(jac.as_ref(), &truth).iter().enumerate().map(|(i, v)| noise[(i, 0)] - v).collect();
+        let param = |i: usize| Param { name: format!("x{i}"), unit: "", scale: 1.0, bounds: (-3.0, 3.0) };
+        Self { jac, r, params: (0..n).map(param).collect() }
+    }
+}
+
+impl Problem for Linear {
+    fn params(&self) -> &[Param] {
+        &self.params
+    }
+
+    fn residual(&self, x: &[f64]) -> Result<Vec<f64>, EvalError> {
+        Ok(linalg::mul(self.jac.as_ref(), x).iter().zip(&self.r).map(|(d, r)| d + r).collect())
+    }
+
+    fn linearize(&self, x: &[f64]) -> Result<Linearized, EvalError> {
+        Ok(Linearized { r: self.residual(x)?, jac: self.jac.clone() })
+    }
+}
+
+fn conic_step(c: &mut Criterion) {
+    let mut group = c.benchmark_group("conic step, 600 rows");
+    group.sample_size(10);
+    for (n, rank) in [(138, 138), (138, 66), (252, 138), (252, 66)] {
+        let problem = Linear::new(n, rank);
+        let zero = vec![0.0; n];
+        let Ok(here) = Here::at(&problem, &zero, false) else { continue };
+        let Ok(limits) = Limits::of(&problem, 0.8, f64::INFINITY) else { continue };
+        let Some(loss) = loss("least-squares", 1.0) else { continue };
+        let metric = vec![1.0; n];
+        let penalty = Penalty { ridge: 1e-8, ..Penalty::default() };
+        let model = Model { loss: loss.as_ref(), penalty, limits: &limits, groups: &[], metric: &metric };
+        group.bench_function(format!("box, n={n}, rank {rank}"), |b| {
+            b.iter(|| black_box(model.step(&here, None)).map(|step| step.predicted));
+        });
+        let frame = Frame { here: &here, unit: vec![1.6; n] };
+        group.bench_function(format!("box, clarabel alone, n={n}, rank {rank}"), |b| {
+            b.iter(|| black_box(model.program(&frame, None, &[]).solve()).map(|s| s.status));
+        });
+    }
+    group.finish();
+}
+
+fn compress(c: &mut Criterion) {
+    for rows in [600, 6000] {
+        let mut stream = ChaCha8Rng::seed_from_u64(5);
+        let jac = Mat::from_fn(rows, 138, |_, _| stream.random_range(-1.0..1.0));
+        let r: Vec<f64> = (0..rows).map(|_| stream.random_range(-1.0..1.0)).collect();
+        c.bench_function(&format!("compress {rows} x 138"), |b| {
+            b.iter(|| linalg::compress(black_box(&jac), &r))
+        });
+    }
+}
+
+/// The same steps as [`minimise`] takes on a linear problem, without argmin.
+fn plain(problem: &dyn Problem, start: &[f64], iterations: usize) -> Vec<f64> {
+    let mut x = start.to_vec();
+    for _ in 0..iterations {
+        let Ok(here): Result<Compressed, EvalError> = problem.compress(&x) else { return x };
+        let scale = column_norms(&here.jac);
+        let Some(step) = damped_step(&here, &scale, 1e-3) else { return x };
+        x.iter_mut().zip(&step.dx).for_each(|(x, dx)| *x += dx);
+        if problem.residual(&x).is_err() {
+            return x;
+        }
+    }
+    x
+}
+
+fn argmin(c: &mut Criterion) {
+    let mut group = c.benchmark_group("five iterations, 600 x 138");
+    group.sample_size(10);
+    let problem = Linear::new(138, 138);
+    let start = vec![0.0; 138];
+    let stop = Stop { iterations: 5, step: 0.0, gradient: 0.0, cost: 0.0 };
+    group.bench_function("argmin-lm", |b| b.iter(|| minimise(black_box(&problem), &start, &stop).x));
+    group.bench_function("plain loop", |b| b.iter(|| plain(black_box(&problem), &start, 5)));
+    group.finish();
+}
+
+criterion_group!(benches, conic_step, compress, argmin);
+criterion_main!(benches);

@@ -26,12 +26,35 @@ pub fn upper_factor(mut a: MatMut<'_, f64>) -> Mat<f64> {
     Mat::from_fn(k, n, |i, j| if i <= j { a[(i, j)] } else { 0.0 })
 }
 
+/// Columns of some consecutive rows of a column-major table.
+pub struct RowBlock<'a> {
+    data: &'a mut [f64],
+    stride: usize,
+    first: usize,
+    rows: usize,
+}
+
+impl<'a> RowBlock<'a> {
+    /// Rows `first..first + rows` of column-major `data` whose columns are `stride` apart.
+    pub fn new(data: &'a mut [f64], stride: usize, first: usize, rows: usize) -> Self {
+        Self { data, stride, first, rows }
+    }
+
+    /// These rows of column j.
+    pub fn column(&mut self, j: usize) -> &mut [f64] {
+        let start = j * self.stride + self.first;
+        &mut self.data[start..start + self.rows]
+    }
+}
+
 /// Streams rows of `[J r]` into the triangular factor, so that memory does not grow with their number.
 ///
 /// Blocks are reduced in the order in which they come: the result depends on nothing else.
 pub struct RowStream {
-    /// `[J r]` of the rows not yet reduced, below the factor of those that are.
-    rows: Mat<f64>,
+    /// `[J r]`, column-major: the factor of the rows that are reduced, then those that are not.
+    data: Vec<f64>,
+    columns: usize,
+    capacity: usize,
     filled: usize,
     square: f64,
 }
@@ -39,41 +62,54 @@ pub struct RowStream {
 impl RowStream {
     /// A stream for n columns and `expected` rows in all.
     pub fn new(columns: usize, expected: usize) -> Self {
-        let capacity = expected.min(columns + 1 + BLOCK_ROWS).max(1);
-        Self { rows: Mat::zeros(capacity, columns + 1), filled: 0, square: 0.0 }
+        let columns = columns + 1;
+        let capacity = expected.min(columns + BLOCK_ROWS).max(1);
+        Self { data: vec![0.0; capacity * columns], columns, capacity, filled: 0, square: 0.0 }
     }
 
-    /// The next `count` rows to be written, columns `0..n` for `J` and column n for `r`; zero at first.
-    ///
-    /// `count` must not exceed the 2048 rows of a block.
-    pub fn next(&mut self, count: usize) -> MatMut<'_, f64> {
-        if self.filled + count > self.rows.nrows() {
-            self.reduce();
-        }
-        if self.filled + count > self.rows.nrows() {
-            let (old, width) = (self.filled, self.rows.ncols());
-            self.rows.resize_with(old + count, width, |_, _| 0.0);
+    /// The next `count` rows to be written whole: columns `0..n` for `J` and column n for `r`.
+    pub fn next(&mut self, count: usize) -> RowBlock<'_> {
+        if self.filled + count > self.capacity {
+            self.reduce(self.filled + count);
         }
         self.filled += count;
-        self.rows.as_mut().subrows_mut(self.filled - count, count)
+        RowBlock::new(&mut self.data, self.capacity, self.filled - count, count)
+    }
+
+    /// Reduces what is filled; makes room where `wanted` rows fit in no other way.
+    fn reduce(&mut self, wanted: usize) {
+        let factor = self.factor();
+        let rows = factor.nrows();
+        let room = wanted - self.filled + rows;
+        if room > self.capacity {
+            self.capacity = room;
+            self.data = vec![0.0; room * self.columns];
+        }
+        self.filled = rows;
+        let mut block = RowBlock::new(&mut self.data, self.capacity, 0, rows);
+        for j in 0..self.columns {
+            for (to, from) in block.column(j).iter_mut().zip(factor.col(j).iter()) {
+                *to = *from;
+            }
+        }
+    }
+
+    fn factor(&mut self) -> Mat<f64> {
+        let (rows, columns, stride) = (self.filled, self.columns, self.capacity);
+        upper_factor(MatMut::from_column_major_slice_with_stride_mut(&mut self.data, rows, columns, stride))
     }
 
     /// Appends a problem that is already compressed, its cost included.
     pub fn push(&mut self, part: &Compressed) {
         let n = part.jac.ncols();
         let mut rows = self.next(part.r.len());
-        rows.rb_mut().subcols_mut(0, n).copy_from(&part.jac);
-        for (i, r) in part.r.iter().enumerate() {
-            rows[(i, n)] = *r;
+        for j in 0..n {
+            for (to, from) in rows.column(j).iter_mut().zip(part.jac.col(j).iter()) {
+                *to = *from;
+            }
         }
+        rows.column(n).copy_from_slice(&part.r);
         self.square += 2.0 * part.cost;
-    }
-
-    fn reduce(&mut self) {
-        let factor = upper_factor(self.rows.as_mut().subrows_mut(0, self.filled));
-        self.rows.fill(0.0);
-        self.filled = factor.nrows();
-        self.rows.as_mut().subrows_mut(0, self.filled).copy_from(&factor);
     }
 
     /// Adds to the sum of squares that [`finish`](Self::finish) reports as cost.
@@ -83,8 +119,8 @@ impl RowStream {
 
     /// The compressed problem; `cost` is half of the squares that were added.
     pub fn finish(mut self) -> Compressed {
-        let n = self.rows.ncols() - 1;
-        let factor = upper_factor(self.rows.as_mut().subrows_mut(0, self.filled));
+        let n = self.columns - 1;
+        let factor = self.factor();
         let k = factor.nrows().min(n);
         Compressed {
             r: (0..k).map(|i| factor[(i, n)]).collect(),
@@ -103,13 +139,11 @@ pub fn compress(jac: &Mat<f64>, r: &[f64]) -> Compressed {
         let count = BLOCK_ROWS.min(m - start);
         let mut block = stream.next(count);
         for j in 0..n {
-            for i in 0..count {
-                block[(i, j)] = jac[(start + i, j)];
+            for (i, to) in block.column(j).iter_mut().enumerate() {
+                *to = jac[(start + i, j)];
             }
         }
-        for i in 0..count {
-            block[(i, n)] = r[start + i];
-        }
+        block.column(n).copy_from_slice(&r[start..start + count]);
         start += count;
     }
     stream.add_square(r.iter().map(|v| v * v).sum());

@@ -46,7 +46,7 @@ fn ridge_is_the_map_estimate() {
 #[test]
 fn inactive_bounds_change_nothing_and_the_gauge_is_the_smallest() {
     let problem = machine();
-    let free = run(&problem, &ArgminLm);
+    let free = run(&problem, &ArgminLm::default());
     let bounded = run(&problem, &with(Conic::bounded(), &[("bounds", "5"), ("cone", "8")]));
     assert!(bounded.outcome.converged() && bounded.active.is_empty());
     assert!((free.x[0] + free.x[1] - bounded.x[0] - bounded.x[1]).abs() < 1e-6);
@@ -167,9 +167,9 @@ fn huber_keeps_the_clean_error_among_gross_outliers() {
         let seen = (report.x[0] + report.x[1] - truth[0] - truth[1]).powi(2);
         (seen + report.x[2..].iter().zip(&truth[2..]).map(|(a, b)| (a - b).powi(2)).sum::<f64>()).sqrt()
     };
-    let clean = error(false, &ArgminLm);
+    let clean = error(false, &ArgminLm::default());
     let huber = error(true, &Conic::huber());
-    let squares = error(true, &ArgminLm);
+    let squares = error(true, &ArgminLm::default());
     println!("clean {clean:.4} huber {huber:.4} least squares {squares:.4}");
     assert!(huber < 1.5 * clean, "huber {huber}, clean {clean}");
     assert!(squares > 3.0 * clean, "least squares {squares}, clean {clean}");

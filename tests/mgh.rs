@@ -29,11 +29,16 @@ const OTHER_MINIMA: &[(usize, f64)] = &[
     (5, 0.45202),
     (8, 17.4286),
     (11, 0.038),
+    (12, 0.0140896877),
     (15, 0.00102734),
     (18, 5.65565e-3),
     (18, 0.30636677262479482),
     (19, 1.78981),
 ];
+
+/// Problem 11 within its bounds. The published 5.83e-5 belongs to another reading of the formula: 200 random starts
+/// of scipy 1.17 `least_squares` within the bounds find nothing below this.
+const GULF_BOUNDED: f64 = 5.290862425885;
 
 const STOP: Stop = Stop { iterations: 1000, step: 1e-15, gradient: 1e-15, cost: 1e-18 };
 
@@ -99,7 +104,8 @@ fn argmin_lm_solves_them_from_near_and_far() {
         }
     }
     println!("solved {solved}, at another minimum {elsewhere}, of 57");
-    assert!(solved >= 1, "solved {solved}");
+    // The rest starts where exponentials overflow (6, 11), or runs down a valley without floor.
+    assert!(solved >= 39 && solved + elsewhere >= 51, "solved {solved}, elsewhere {elsewhere}");
 }
 
 #[test]
@@ -116,11 +122,12 @@ fn conic_bounded_solves_the_bounded_ones() {
         let problem = functions::problem(entry.mgh, entry.n).expect("a function").bounded(&bounds);
         for (found, report) in runs(entry, identifier.as_ref(), &problem) {
             of += 1;
+            let optimum = if entry.mgh == 11 { GULF_BOUNDED } else { optimum };
             solved += usize::from(digits(found, optimum) >= 4.0);
             let inside = report.x.iter().zip(&bounds).all(|(x, (l, u))| x >= l && x <= u);
             assert!(inside, "problem {}: {:?} outside {bounds:?}", entry.mgh, report.x);
         }
     }
-    println!("solved {solved} of {of}");
-    assert!(solved >= 1, "solved {solved} of {of}");
+    // All but problem 11 from 100 times its start, which the bounds move to a corner where the gradient vanishes.
+    assert_eq!((solved, of), (29, 30));
 }

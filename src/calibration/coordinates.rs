@@ -76,6 +76,12 @@ impl Coordinates {
         Self { limbs, form }
     }
 
+    /// Coordinates of limb `i` alone.
+    pub fn of_limb(&self, i: usize) -> Coordinates {
+        let limb = LimbCoordinates { offset: 0, slice_offset: 0, ..self.limbs[i].clone() };
+        Coordinates { limbs: vec![limb], form: self.form }
+    }
+
     /// Number of coordinates `x`.
     pub fn count(&self) -> usize {
         self.limbs.last().map_or(0, |limb| limb.offset + limb.count)

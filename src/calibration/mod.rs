@@ -1,6 +1,7 @@
 //! A machine and its measurements as a least-squares problem.
 
 pub mod coordinates;
+pub mod limbwise;
 pub mod problem;
 pub mod rows;
 pub mod sample;

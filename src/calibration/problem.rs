@@ -1,13 +1,14 @@
 //! The calibration problem: whitened pose errors by link deviations, loops closed.
 
 use super::coordinates::Coordinates;
-use super::rows::write_rows;
+use super::limbwise::{LimbProblem, LimbStart};
+use super::rows::RowWriter;
 use super::sample::{Sample, SetAside};
-use crate::linalg::{self, RowStream};
+use crate::linalg::{self, RowBlock, RowStream};
 use crate::measure::Row;
 use crate::model::{Geometry, Mechanism, Posture};
-use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Problem, cost};
-use faer::Mat;
+use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
+use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
 /// Postures that one thread takes at a time; fixed, so that results do not depend on how many threads there are.
@@ -113,23 +114,37 @@ impl<'a> Calibration<'a> {
         Ok(())
     }
 
+    /// `work` on every chunk of the samples, in their order; on this thread where there is but one.
+    fn by_chunks<T: Send>(
+        &self,
+        work: impl Fn(&[Start<'_>]) -> Result<T, EvalError> + Sync + Send,
+    ) -> Result<Vec<T>, EvalError> {
+        if self.starts.len() <= CHUNK {
+            return Ok(vec![work(&self.starts)?]);
+        }
+        self.starts.par_chunks(CHUNK).map(work).collect()
+    }
+
     /// Compressed rows in slice columns, before coordinates are chosen.
     fn compress_slice(&self, geometry: &Geometry) -> Result<Compressed, EvalError> {
         let columns = self.coordinates.slice_count();
         let chunk = |starts: &[Start<'_>]| -> Result<Compressed, EvalError> {
             let expected = starts.iter().map(|start| start.sample.measurement.rows()).sum();
             let mut stream = RowStream::new(columns, expected);
+            let mut writer = RowWriter::default();
             self.visit(starts, geometry, |posture, rows| {
-                write_rows(self.mechanism, &self.coordinates, posture, rows, stream.next(rows.len()));
+                let block = stream.next(rows.len());
+                writer.write(self.mechanism, &self.coordinates, posture, rows, block);
                 stream.add_square(rows.iter().map(|row| row.r * row.r).sum());
             })?;
             Ok(stream.finish())
         };
-        if self.starts.len() <= CHUNK {
-            return chunk(&self.starts);
+        let mut parts = self.by_chunks(chunk)?;
+        if parts.len() == 1
+            && let Some(only) = parts.pop()
+        {
+            return Ok(only);
         }
-        let parts: Vec<Compressed> =
-            self.starts.par_chunks(CHUNK).map(chunk).collect::<Result<_, EvalError>>()?;
         let mut stream = RowStream::new(columns, parts.iter().map(|part| part.r.len()).sum());
         for part in parts {
             stream.push(&part);
@@ -137,16 +152,18 @@ impl<'a> Calibration<'a> {
         Ok(stream.finish())
     }
 
-    /// All rows `[J r]` in slice columns, the minimal Jacobian in its cheapest coordinates (m x (count + 1)).
-    pub fn slice_rows(&self, geometry: &Geometry) -> Result<Mat<f64>, EvalError> {
-        let mut sliced = Mat::<f64>::zeros(self.rows(), self.coordinates.slice_count() + 1);
-        let mut row = 0;
+    /// All rows `[J r]` in slice columns, the minimal Jacobian in its cheapest coordinates: column-major, m x
+    /// (count + 1), written over `data`.
+    pub fn slice_rows(&self, geometry: &Geometry, data: &mut Vec<f64>) -> Result<(), EvalError> {
+        let total = self.rows();
+        data.resize(total * (self.coordinates.slice_count() + 1), 0.0);
+        let mut first = 0;
+        let mut writer = RowWriter::default();
         self.visit(&self.starts, geometry, |posture, rows| {
-            let out = sliced.as_mut().subrows_mut(row, rows.len());
-            write_rows(self.mechanism, &self.coordinates, posture, rows, out);
-            row += rows.len();
-        })?;
-        Ok(sliced)
+            let block = RowBlock::new(data, total, first, rows.len());
+            writer.write(self.mechanism, &self.coordinates, posture, rows, block);
+            first += rows.len();
+        })
     }
 
     fn at(&self, x: &[f64]) -> (Vec<f64>, Geometry) {
@@ -156,7 +173,7 @@ impl<'a> Calibration<'a> {
     }
 
     /// `a * blockdiag(transforms)`, limb by limb.
-    fn carry(&self, a: &Mat<f64>, transforms: &[Mat<f64>]) -> Mat<f64> {
+    fn carry(&self, a: MatRef<'_, f64>, transforms: &[Mat<f64>]) -> Mat<f64> {
         let mut out = Mat::zeros(a.nrows(), self.coordinates.count());
         for (limb, transform) in self.coordinates.limbs.iter().zip(transforms) {
             let columns = a.get(.., limb.slice_offset..limb.slice_offset + limb.slice.len());
@@ -186,43 +203,80 @@ impl Problem for Calibration<'_> {
             self.visit(starts, &geometry, |_, rows| r.extend(rows.iter().map(|row| row.r)))?;
             Ok(r)
         };
-        if self.starts.len() <= CHUNK {
-            return chunk(&self.starts);
-        }
-        let parts: Vec<Vec<f64>> =
-            self.starts.par_chunks(CHUNK).map(chunk).collect::<Result<_, EvalError>>()?;
-        Ok(parts.concat())
+        Ok(self.by_chunks(chunk)?.concat())
     }
 
     fn linearize(&self, x: &[f64]) -> Result<Linearized, EvalError> {
         let (d, geometry) = self.at(x);
-        let columns = self.coordinates.slice_count();
-        let sliced = self.slice_rows(&geometry)?;
-        let r = sliced.col(columns).iter().copied().collect();
+        let (m, columns) = (self.rows(), self.coordinates.slice_count());
+        let mut data = Vec::new();
+        self.slice_rows(&geometry, &mut data)?;
+        let (jac, r) = data.split_at(m * columns);
         let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
-        Ok(Linearized { r, jac: self.carry(&sliced.get(.., ..columns).to_owned(), &transforms) })
+        let jac = MatRef::from_column_major_slice(jac, m, columns);
+        Ok(Linearized { r: r.to_vec(), jac: self.carry(jac, &transforms) })
     }
 
     fn compress(&self, x: &[f64]) -> Result<Compressed, EvalError> {
         let (d, geometry) = self.at(x);
         let sliced = self.compress_slice(&geometry)?;
         let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
-        Ok(Compressed { jac: self.carry(&sliced.jac, &transforms), r: sliced.r, cost: sliced.cost })
+        Ok(Compressed { jac: self.carry(sliced.jac.as_ref(), &transforms), r: sliced.r, cost: sliced.cost })
     }
 
     fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), EvalError> {
         let (d, geometry) = self.at(x);
         let columns = self.coordinates.slice_count();
-        let sliced = self.slice_rows(&geometry)?;
-        let r: Vec<f64> = sliced.col(columns).iter().copied().collect();
-        let by_slice = linalg::mul_transpose(sliced.get(.., ..columns), &r);
+        let chunk = |starts: &[Start<'_>]| -> Result<(f64, Vec<f64>), EvalError> {
+            let (mut square, mut by_slice) = (0.0, vec![0.0; columns]);
+            let mut writer = RowWriter::default();
+            let mut data = Vec::new();
+            self.visit(starts, &geometry, |posture, rows| {
+                data.resize(rows.len() * (columns + 1), 0.0);
+                let block = RowBlock::new(&mut data, rows.len(), 0, rows.len());
+                writer.write(self.mechanism, &self.coordinates, posture, rows, block);
+                for (sum, column) in by_slice.iter_mut().zip(data.chunks_exact(rows.len().max(1))) {
+                    *sum += column.iter().zip(rows).map(|(j, row)| j * row.r).sum::<f64>();
+                }
+                square += rows.iter().map(|row| row.r * row.r).sum::<f64>();
+            })?;
+            Ok((square, by_slice))
+        };
+        let (mut square, mut by_slice) = (0.0, vec![0.0; columns]);
+        for (part, by_part) in self.by_chunks(chunk)? {
+            square += part;
+            by_slice.iter_mut().zip(by_part).for_each(|(sum, part)| *sum += part);
+        }
         let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
         let mut by_x = Vec::with_capacity(x.len());
         for (limb, transform) in self.coordinates.limbs.iter().zip(&transforms) {
             let part = &by_slice[limb.slice_offset..limb.slice_offset + limb.slice.len()];
             by_x.extend(linalg::mul_transpose(transform.as_ref(), part));
         }
-        Ok((cost(&r), by_x))
+        Ok((0.5 * square, by_x))
+    }
+
+    /// One part a limb, where every posture was measured as a whole pose.
+    fn parts(&self) -> Option<Vec<Part<'_>>> {
+        let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
+        let (mut actuator, mut passive) = (0, 0);
+        for (i, limb) in self.mechanism.limbs.iter().enumerate() {
+            let m = limb.passive_count();
+            let (a, p) = (actuator..actuator + limb.joints.len() - m, passive..passive + m);
+            (actuator, passive) = (a.end, p.end);
+            let starts: Option<Vec<LimbStart>> = self
+                .starts
+                .iter()
+                .map(|s| {
+                    LimbStart::new(s.sample, s.sample.actuators.get(a.clone())?, s.passive.get(p.clone())?)
+                })
+                .collect();
+            let own = &self.coordinates.limbs[i];
+            let problem = LimbProblem::new(self.mechanism, &self.coordinates, i, starts?);
+            let members = (own.offset..own.offset + own.count).collect();
+            parts.push(Part { problem: Box::new(problem), members });
+        }
+        Some(parts)
     }
 
     fn redundant(&self, x: &[f64]) -> Mat<f64> {

@@ -64,7 +64,7 @@ fn blocks(upper_left: &Matrix3<f64>, lower_left: &Matrix3<f64>, lower_right: &Ma
     m
 }
 
-/// Exponential (docs/theory.md (5)).
+/// Exponential (docs/theory.md (34)).
 pub fn exp(xi: &Twist) -> Se3 {
     let (w, v) = split(xi);
     Se3 { r: so3::exp(&w), p: so3::left_jacobian(&w) * v }
@@ -90,7 +90,7 @@ pub fn ad(xi: &Twist) -> Matrix6<f64> {
 
 /// Left Jacobian `A(xi) = sum ad(xi)^k / (k + 1)!` (38), with `d exp(xi) exp(-xi) = A(xi) dxi`.
 ///
-/// Lower-left block after Barfoot, State Estimation for Robotics, 2nd ed., (8.91).
+/// By blocks, docs/theory.md (1.5), after Barfoot, State Estimation for Robotics, 2nd ed., (8.91).
 pub fn left_jacobian(xi: &Twist) -> Matrix6<f64> {
     let (w, v) = split(xi);
     let diagonal = so3::left_jacobian(&w);

@@ -1,4 +1,4 @@
-//! Rotations: exponential, logarithm and left Jacobian (docs/theory.md (1)-(4)).
+//! Rotations: exponential, logarithm and left Jacobian (docs/theory.md (1.1)-(1.4)).
 //!
 //! Each coefficient has a power series where its closed form cancels; the switch lies where both are good to
 //! a few units in the last place.

@@ -3,7 +3,7 @@
 use super::measurement::{Measurement, PoseError, Row, Weights};
 use crate::lie::{Se3, so3};
 use crate::model::mechanism::pose_difference;
-use nalgebra::{Matrix6, SMatrix, Vector3, Vector6};
+use nalgebra::{Matrix6, Vector3};
 use std::sync::Arc;
 
 /// Noise that cannot be whitened.
@@ -83,15 +83,13 @@ impl Measurement for Pose {
 
     fn evaluate(&self, tool: &Se3, rows: &mut [Row]) {
         let (w, dp) = pose_difference(tool, &self.measured);
-        let error = Vector6::new(w.x, w.y, w.z, dp.x, dp.y, dp.z);
+        let error = [w.x, w.y, w.z, dp.x, dp.y, dp.z];
         // The rotation vector of R R_m' changes by the inverse left Jacobian, which is 1 at no error.
         let turn = so3::left_jacobian_inverse(&w);
-        for (row, weights) in rows.iter_mut().zip(&self.weighting.0) {
-            let weights = SMatrix::<f64, 1, 6>::from_row_slice(weights);
-            row.r = (weights * error)[0];
-            let by_rotation = weights.fixed_columns::<3>(0) * turn;
-            row.by_tool =
-                [by_rotation[0], by_rotation[1], by_rotation[2], weights[3], weights[4], weights[5]];
+        for (row, k) in rows.iter_mut().zip(&self.weighting.0) {
+            row.r = k.iter().zip(&error).map(|(k, e)| k * e).sum();
+            let by_rotation = |j: usize| k[0] * turn[(0, j)] + k[1] * turn[(1, j)] + k[2] * turn[(2, j)];
+            row.by_tool = [by_rotation(0), by_rotation(1), by_rotation(2), k[3], k[4], k[5]];
         }
     }
 

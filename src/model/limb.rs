@@ -24,7 +24,7 @@ pub struct Tolerance {
 }
 
 /// Link `j` of a limb: the constant transform from behind joint `j` to the frame of joint `j + 1`, or to the
-/// tool. It deviates as `nominal * exp(d)`, `d` in the frame of the *next* joint (docs/theory.md section 4).
+/// tool. It deviates as `nominal * exp(d)`, `d` in the frame of the *next* joint (docs/theory.md (6.1)).
 #[derive(Clone, Debug)]
 pub struct Link {
     /// Name within its limb: that of the joint that it carries, or `tool`.

@@ -2,23 +2,27 @@
 //! they cannot (docs/theory.md (10)).
 
 /// Orthogonal factors of one limb's passive Jacobian (6 x m, lengths in units of the machine's size).
+///
+/// `Q` is kept as its m reflections: only the wrenches are ever needed as vectors.
 #[derive(Clone, Debug)]
 pub struct PassiveSplit {
-    /// Rows of `Q'`: the first m span the passive twists, the last 6 - m are the reciprocal wrenches.
-    q: [[f64; 6]; 6],
-    /// Upper triangle of R, by columns.
+    /// Directions of the reflections `1 - v v' / scale`, zero above the pivot.
+    v: [[f64; 6]; 6],
+    /// One over `|v|^2 / 2` of each, 0 where a column was zero.
+    inverse_scale: [f64; 6],
+    /// Columns of R.
     r: [[f64; 6]; 6],
+    /// The last 6 - m are the reciprocal wrenches.
+    wrenches: [[f64; 6]; 6],
     m: usize,
 }
 
 impl PassiveSplit {
     /// An empty split: no passive joint, every wrench is transmitted.
     pub fn rigid() -> Self {
-        let mut q = [[0.0; 6]; 6];
-        for (i, row) in q.iter_mut().enumerate() {
-            row[i] = 1.0;
-        }
-        Self { q, r: [[0.0; 6]; 6], m: 0 }
+        let zero = [[0.0; 6]; 6];
+        let wrenches = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }));
+        Self { v: zero, inverse_scale: [0.0; 6], r: zero, wrenches, m: 0 }
     }
 
     /// Householder factorisation of the m <= 6 columns.
@@ -29,51 +33,54 @@ impl PassiveSplit {
         let m = columns.len();
         self.m = m;
         self.r[..m].copy_from_slice(columns);
-        // Columns of Q', so that a reflection works on contiguous vectors of fixed length.
-        let mut q = Self::rigid().q;
         let mut positive = true;
         for k in 0..m {
-            let norm = self.r[k][k..].iter().map(|v| v * v).sum::<f64>().sqrt();
+            let mut v = self.r[k];
+            v[..k].fill(0.0);
+            let norm = dot(&v, &v).sqrt();
+            self.inverse_scale[k] = 0.0;
             if norm == 0.0 {
                 continue;
             }
-            let pivot = self.r[k][k];
+            let pivot = v[k];
             let alpha = if pivot > 0.0 { -norm } else { norm };
-            let mut v = self.r[k];
-            v[..k].fill(0.0);
             v[k] -= alpha;
-            // |v|^2 / 2
-            let scale = 1.0 / (alpha * (alpha - pivot));
-            for column in self.r[k..m].iter_mut().chain(&mut q) {
-                reflect(&v, scale, column);
+            self.inverse_scale[k] = 1.0 / (alpha * (alpha - pivot));
+            self.v[k] = v;
+            self.r[k][k] = alpha;
+            for column in &mut self.r[k + 1..m] {
+                reflect(&v, self.inverse_scale[k], column);
             }
             // A reflection has determinant -1, and so does each negative pivot.
             positive ^= alpha > 0.0;
         }
-        for (l, row) in self.q.iter_mut().enumerate() {
-            for (entry, column) in row.iter_mut().zip(&q) {
-                *entry = column[l];
-            }
-        }
-        if !positive && m < 6 {
-            for value in &mut self.q[m] {
-                *value = -*value;
+        for (row, wrench) in self.wrenches.iter_mut().enumerate().skip(m) {
+            *wrench = [0.0; 6];
+            wrench[row] = if positive || row > m { 1.0 } else { -1.0 };
+            for k in (0..m).rev() {
+                reflect(&self.v[k], self.inverse_scale[k], wrench);
             }
         }
     }
 
     /// Reciprocal wrenches, 6 - m rows, orthonormal.
     pub fn wrenches(&self) -> &[[f64; 6]] {
-        &self.q[self.m..]
+        &self.wrenches[self.m..]
     }
 
-    /// Passive motions (m) that come closest to the twist.
+    /// Passive motions (the first m entries, the others zero) that come closest to the twist.
     pub fn motions(&self, twist: &[f64; 6]) -> [f64; 6] {
-        let mut out = [0.0; 6];
+        let mut out = *twist;
+        for k in 0..self.m {
+            reflect(&self.v[k], self.inverse_scale[k], &mut out);
+        }
+        out[self.m..].fill(0.0);
         for k in (0..self.m).rev() {
-            let along: f64 = self.q[k].iter().zip(twist).map(|(q, t)| q * t).sum();
-            let rest: f64 = (k + 1..self.m).map(|l| self.r[l][k] * out[l]).sum();
-            out[k] = if self.r[k][k] == 0.0 { 0.0 } else { (along - rest) / self.r[k][k] };
+            let pivot = self.r[k][k];
+            out[k] = if pivot == 0.0 { 0.0 } else { out[k] / pivot };
+            for l in 0..k {
+                out[l] -= self.r[k][l] * out[k];
+            }
         }
         out
     }
@@ -84,12 +91,16 @@ impl PassiveSplit {
     }
 }
 
+/// Summed as a tree: a chain of six additions would be waited for.
 #[inline(always)]
-fn reflect(v: &[f64; 6], scale: f64, column: &mut [f64; 6]) {
-    // Summed as a tree: a chain of six additions would be waited for.
-    let p: [f64; 6] = std::array::from_fn(|l| v[l] * column[l]);
-    let s = scale * ((p[0] + p[1]) + (p[2] + p[3]) + (p[4] + p[5]));
-    for l in 0..6 {
-        column[l] -= s * v[l];
+fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    ((a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])) + (a[4] * b[4] + a[5] * b[5])
+}
+
+#[inline(always)]
+fn reflect(v: &[f64; 6], inverse_scale: f64, column: &mut [f64; 6]) {
+    let s = inverse_scale * dot(v, column);
+    for (c, v) in column.iter_mut().zip(v) {
+        *c -= s * v;
     }
 }

@@ -122,6 +122,12 @@ impl Posture {
         self.q.iter().zip(joints).filter(|(_, joint)| !joint.actuated).map(|(q, _)| *q).collect()
     }
 
+    /// Places every limb at the joint variables as set, loops left open: frames, passive twists and wrenches.
+    pub fn open(&mut self, mechanism: &Mechanism, geometry: &Geometry) {
+        self.place(mechanism, geometry);
+        self.split(mechanism);
+    }
+
     /// Closes the loops from the joint variables as set, actuated joints held.
     pub fn close(&mut self, mechanism: &Mechanism, geometry: &Geometry) -> Result<(), NotClosed> {
         self.iterations = 0;

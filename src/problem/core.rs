@@ -61,6 +61,14 @@ pub struct Compressed {
     pub cost: f64,
 }
 
+/// A problem on some of the coordinates alone.
+pub struct Part<'a> {
+    /// The problem.
+    pub problem: Box<dyn Problem + 'a>,
+    /// Which of the whole problem's coordinates are its own.
+    pub members: Vec<usize>,
+}
+
 /// The point cannot be evaluated: which part of the problem failed, and why.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{0}")]
@@ -99,6 +107,12 @@ pub trait Problem: Sync {
     fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), EvalError> {
         let lin = self.linearize(x)?;
         Ok((cost(&lin.r), linalg::mul_transpose(lin.jac.as_ref(), &lin.r)))
+    }
+
+    /// Problems on disjoint coordinates whose solutions together solve this one to first order, where it falls apart
+    /// into such.
+    fn parts(&self) -> Option<Vec<Part<'_>>> {
+        None
     }
 
     /// Orthonormal basis (n x k) of the directions at `x` that no residual can see by structure; k may be 0.

@@ -6,7 +6,7 @@
 //!
 //! // Rosenbrock's valley, whose floor is at (1, 1).
 //! let valley = Formula::new(2, |x| Ok(vec![10.0 * (x[1] - x[0].square()), 1.0 - x[0]]));
-//! let report = ArgminLm.identify(&valley, &[-1.2, 1.0], &Stop::default());
+//! let report = ArgminLm::default().identify(&valley, &[-1.2, 1.0], &Stop::default());
 //! assert!(report.outcome.converged());
 //! assert!((report.x[0] - 1.0).abs() < 1e-8 && (report.x[1] - 1.0).abs() < 1e-8);
 //! ```

@@ -1,8 +1,10 @@
 //! Between a [`Problem`] and argmin's own methods: cost, gradient and `J'J` on one side, stopping on the other.
 
+use super::anchored::settle;
 use super::damped::gradient_cosine;
 use super::identifier::Stop;
-use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
+use super::report::{Criterion, Failure, Iterate, Outcome, Report};
+use super::settings;
 use crate::linalg::{self, norm};
 use crate::problem::{Compressed, Problem, cost};
 use argmin::core::{
@@ -190,9 +192,35 @@ where
     }
 }
 
-/// Runs one of argmin's methods; `wall` as in [`Adapter`]: infinite cost where a method can turn back from it.
+/// Signal-to-noise ratio up to which the baselines give a direction the prior's full weight, as by default elsewhere.
+const THRESHOLD: f64 = 1.0;
+
+/// Runs one of argmin's methods, `method` from its start; `wall` as in [`Adapter`]: infinite cost where it can turn
+/// back from it.
 pub fn run<S, H>(
     name: &'static str,
+    problem: &dyn Problem,
+    start: &[f64],
+    stop: &Stop,
+    wall: bool,
+    method: impl Fn(&[f64]) -> Result<S, Error>,
+) -> Report
+where
+    S: for<'a, 'p> Solver<&'a Adapter<'p>, IterState<Vec<f64>, Vec<f64>, (), H, (), f64>>,
+    IterState<Vec<f64>, Vec<f64>, (), H, (), f64>: State<Param = Vec<f64>, Float = f64>,
+{
+    let report = Report::new(name, start, settings::estimate(problem, THRESHOLD));
+    settle(problem, start, THRESHOLD, stop, report.clone(), |problem, from, stop| {
+        let report = Report { x: from.to_vec(), ..report.clone() };
+        match method(from) {
+            Ok(method) => run_once(report, problem, from, stop, wall, method),
+            Err(why) => report.fail(Failure::Inner(why.to_string())),
+        }
+    })
+}
+
+fn run_once<S, H>(
+    mut report: Report,
     problem: &dyn Problem,
     start: &[f64],
     stop: &Stop,
@@ -203,7 +231,6 @@ where
     S: for<'a, 'p> Solver<&'a Adapter<'p>, IterState<Vec<f64>, Vec<f64>, (), H, (), f64>>,
     IterState<Vec<f64>, Vec<f64>, (), H, (), f64>: State<Param = Vec<f64>, Float = f64>,
 {
-    let mut report = Report::new(name, start, Estimate::LeastSquares);
     let here = match problem.compress(start) {
         Ok(here) if here.cost.is_finite() && here.jac.is_all_finite() => here,
         Ok(_) => return report.fail(Failure::Start("residual or Jacobian is not finite".into())),

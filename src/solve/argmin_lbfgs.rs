@@ -26,6 +26,8 @@ impl Identifier for ArgminLbfgs {
     }
 
     fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
-        run(self.name(), problem, start, stop, false, LBFGS::new(MoreThuenteLineSearch::new(), MEMORY))
+        run(self.name(), problem, start, stop, false, |_| {
+            Ok(LBFGS::new(MoreThuenteLineSearch::new(), MEMORY))
+        })
     }
 }

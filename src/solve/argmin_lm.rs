@@ -1,15 +1,27 @@
 //! `argmin-lm`: Levenberg-Marquardt under argmin's executor.
 
-use super::identifier::{Identifier, Stop};
+use super::anchored::settle;
+use super::identifier::{Identifier, SettingError, Stop};
 use super::levenberg::minimise;
-use super::report::{Estimate, Report};
+use super::report::Report;
+use super::settings;
 use crate::problem::Problem;
 
-/// Plain least squares by [`super::levenberg::LevenbergMarquardt`]; no prior, no bounds.
+/// Least squares by [`super::levenberg::LevenbergMarquardt`].
 ///
-/// It stays where it is in directions that no residual sees, so that a rank-deficient Jacobian is no obstacle.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct ArgminLm;
+/// Where the problem has a prior it stands, as in `minimal`, on the directions that the tolerance knows better than
+/// the data: both minimise the same, by different steps. A rank-deficient Jacobian is no obstacle to either.
+#[derive(Clone, Copy, Debug)]
+pub struct ArgminLm {
+    /// Signal-to-noise ratio up to which a direction has the prior's full weight.
+    pub threshold: f64,
+}
+
+impl Default for ArgminLm {
+    fn default() -> Self {
+        Self { threshold: 1.0 }
+    }
+}
 
 impl Identifier for ArgminLm {
     fn name(&self) -> &'static str {
@@ -17,17 +29,35 @@ impl Identifier for ArgminLm {
     }
 
     fn summary(&self) -> &'static str {
-        "Levenberg-Marquardt run by argmin: QR of the augmented Jacobian, column scaling, gain-ratio damping"
+        "Levenberg-Marquardt run by argmin: QR of the augmented Jacobian, column scaling, trust-region damping"
+    }
+
+    fn set(&mut self, key: &str, value: &str) -> Result<(), SettingError> {
+        match key {
+            "threshold" => {
+                self.threshold = settings::positive(self.name(), key, value)?;
+                Ok(())
+            }
+            _ => Err(settings::unknown(self.name(), key, &["threshold"])),
+        }
+    }
+
+    fn settings(&self) -> Vec<(&'static str, String)> {
+        vec![("threshold", self.threshold.to_string())]
     }
 
     fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
-        let found = minimise(problem, start, stop);
-        Report {
-            x: found.x,
-            cost: found.cost,
-            outcome: found.outcome,
-            trace: found.trace,
-            ..Report::new(self.name(), start, Estimate::LeastSquares)
-        }
+        let estimate = settings::estimate(problem, self.threshold);
+        let report = Report::new(self.name(), start, estimate);
+        settle(problem, start, self.threshold, stop, report, |problem, from, stop| {
+            let found = minimise(problem, from, stop);
+            Report {
+                x: found.x,
+                cost: found.cost,
+                outcome: found.outcome,
+                trace: found.trace,
+                ..Report::new(self.name(), from, estimate)
+            }
+        })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::argmin_adapter::run;
 use super::identifier::{Identifier, Stop};
-use super::report::{Estimate, Failure, Report};
+use super::report::Report;
 use crate::linalg::norm;
 use crate::problem::Problem;
 use argmin::solver::trustregion::{Steihaug, TrustRegion};
@@ -24,16 +24,10 @@ impl Identifier for ArgminTrustRegion {
     }
 
     fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
-        // The conjugate gradients end by themselves in exact arithmetic after n steps; rounding may take a few more.
-        let steps = Steihaug::new().with_max_iters(2 * start.len() as u64 + 10);
-        let method = TrustRegion::new(steps)
-            .with_radius(norm(start).max(1.0))
-            .and_then(|method| method.with_max_radius(LARGEST_RADIUS));
-        match method {
-            Ok(method) => run(self.name(), problem, start, stop, true, method),
-            Err(why) => {
-                Report::new(self.name(), start, Estimate::LeastSquares).fail(Failure::Inner(why.to_string()))
-            }
-        }
+        run(self.name(), problem, start, stop, true, |from| {
+            // The conjugate gradients end after n steps in exact arithmetic; rounding may take a few more.
+            let steps = Steihaug::new().with_max_iters(2 * from.len() as u64 + 10);
+            TrustRegion::new(steps).with_radius(norm(from).max(1.0))?.with_max_radius(LARGEST_RADIUS)
+        })
     }
 }

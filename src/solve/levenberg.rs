@@ -82,6 +82,9 @@ impl LevenbergMarquardt {
                 return Trial::Ended(Outcome::Failed(Failure::Diverged));
             };
             let trial: Vec<f64> = x.iter().zip(&step.dx).map(|(x, dx)| x + dx).collect();
+            if trial == x {
+                break;
+            }
             let predicted = step.predicted / here.cost;
             let mut ratio = f64::NEG_INFINITY;
             match problem.residual(&trial).map(|r| cost(&r)) {
@@ -99,25 +102,27 @@ impl LevenbergMarquardt {
                             Err(why) => refused = Some(why),
                         }
                     }
-                    if flat && predicted <= NOTHING_LEFT {
+                    if flat && predicted <= NOTHING_LEFT && self.plausible(x, here) {
                         return Trial::Ended(Outcome::Converged(Criterion::Cost));
                     }
                 }
                 Ok(_) => refused = Some("the residual is not finite".into()),
                 Err(why) => refused = Some(why.0),
             }
-            if norm(&step.dx) <= f64::EPSILON * norm(x) {
-                break;
-            }
             self.region.resize(ratio, &step);
         }
-        Trial::Ended(if gradient_cosine(here) <= NOT_STATIONARY || self.region.arrived(x, here) {
+        Trial::Ended(if self.plausible(x, here) {
             Outcome::Converged(Criterion::Step)
         } else if let Some(why) = refused {
             Outcome::Failed(Failure::Evaluation(why))
         } else {
             Outcome::Failed(Failure::NoDescent)
         })
+    }
+
+    /// Whether this may be a solution: a short step or a flat cost alone may also come of a short radius.
+    fn plausible(&self, x: &[f64], here: &Compressed) -> bool {
+        gradient_cosine(here) <= NOT_STATIONARY || self.region.arrived(x, here)
     }
 
     fn judge(
@@ -131,13 +136,14 @@ impl LevenbergMarquardt {
         if let Some(outcome) = self.stationary(there) {
             return Some(outcome);
         }
-        if actual.abs() <= self.stop.cost && predicted <= self.stop.cost {
-            return Some(Outcome::Converged(Criterion::Cost));
-        }
-        if length <= self.stop.step * (norm(x) + self.stop.step) {
-            return Some(Outcome::Converged(Criterion::Step));
-        }
-        None
+        let criterion = if actual.abs() <= self.stop.cost && predicted <= self.stop.cost {
+            Criterion::Cost
+        } else if length <= self.stop.step * (norm(x) + self.stop.step) {
+            Criterion::Step
+        } else {
+            return None;
+        };
+        self.plausible(x, there).then_some(Outcome::Converged(criterion))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Identifiers: interchangeable ways to minimise one [`crate::problem::Problem`].
 
+pub mod anchored;
 pub mod argmin_adapter;
 pub mod argmin_lbfgs;
 pub mod argmin_lm;
@@ -9,6 +10,7 @@ pub mod conic;
 pub mod damped;
 pub mod identifier;
 pub mod levenberg;
+pub mod limbwise;
 pub mod map;
 pub mod minimal;
 pub mod radius;

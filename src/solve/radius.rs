@@ -7,9 +7,11 @@ use serde::{Deserialize, Serialize};
 
 /// Damping of the step that sets the first radius at the origin, relative to the squared column norms.
 const FIRST_DAMPING: f64 = 1e-3;
+/// First radius, relative to the length of that step, that is not too short to begin with.
+const LEAST_RADIUS: f64 = 1e-6;
 /// Ratio of successive steps up to which they count as converging.
 const CONTRACTION: f64 = 0.9;
-/// Undamped step, relative to the point, that is short enough to call the point a solution.
+/// Undamped step, relative to every coordinate, that is short enough to call the point a solution.
 const ARRIVED: f64 = 1e-7;
 
 /// Scale, radius and damping of a run.
@@ -43,10 +45,12 @@ impl Region {
             Some(radius) => radius,
             None => {
                 let scaled: Vec<f64> = x.iter().zip(&self.scale).map(|(x, d)| x * d).collect();
+                // From the origin there is no length to compare with: a moderately damped step sets it. The same
+                // where only coordinates without effect are away from zero.
+                let damped = damped_step(here, &self.scale, FIRST_DAMPING)?.length;
                 match norm(&scaled) {
-                    // From the origin there is no length to compare with: a moderately damped step sets it.
-                    0.0 => damped_step(here, &self.scale, FIRST_DAMPING)?.length,
-                    length => length,
+                    0.0 => damped,
+                    length => length.max(LEAST_RADIUS * damped),
                 }
             }
         };
@@ -78,6 +82,7 @@ impl Region {
 
     /// Whether even the undamped step is short: a cost of rounding errors only has cosines that mean nothing.
     pub fn arrived(&self, x: &[f64], here: &Compressed) -> bool {
-        damped_step(here, &self.scale, LEAST_DAMPING).is_some_and(|free| norm(&free.dx) <= ARRIVED * norm(x))
+        damped_step(here, &self.scale, LEAST_DAMPING)
+            .is_some_and(|free| free.dx.iter().zip(x).all(|(dx, x)| dx.abs() <= ARRIVED * x.abs()))
     }
 }

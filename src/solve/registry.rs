@@ -7,8 +7,9 @@ use super::identifier::Identifier;
 pub fn all() -> Vec<Box<dyn Identifier>> {
     vec![
         Box::new(super::minimal::Minimal::default()),
-        Box::new(super::argmin_lm::ArgminLm),
+        Box::new(super::argmin_lm::ArgminLm::default()),
         Box::new(super::map::Map::default()),
+        Box::new(super::limbwise::Limbwise),
         Box::new(Conic::bounded()),
         Box::new(Conic::ridge()),
         Box::new(Conic::lasso()),

@@ -1,6 +1,8 @@
-//! Reading the values of settings, with one wording for every identifier.
+//! What identifiers share of their settings: reading values with one wording, and what a threshold means.
 
 use super::identifier::SettingError;
+use super::report::Estimate;
+use crate::problem::Problem;
 
 /// The error for a key that `solver` does not have.
 pub fn unknown(solver: &'static str, key: &str, known: &[&str]) -> SettingError {
@@ -18,4 +20,9 @@ pub fn positive(solver: &'static str, key: &str, value: &str) -> Result<f64, Set
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
         _ => Err(refuse(solver, key, value, "it must be a finite number above 0")),
     }
+}
+
+/// What least squares estimates: with the prior on weak directions where the problem has one.
+pub fn estimate(problem: &dyn Problem, threshold: f64) -> Estimate {
+    if problem.has_prior() { Estimate::Split { threshold } } else { Estimate::LeastSquares }
 }

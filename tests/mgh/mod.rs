@@ -6,13 +6,13 @@ use std::f64::consts::PI;
 /// Residuals of one problem.
 type Residual = fn(&[Dual]) -> Vec<Dual>;
 
+/// One of the problems.
+pub type Function = Formula<Box<dyn Fn(&[Dual]) -> Result<Vec<Dual>, EvalError> + Sync>>;
+
 /// The problem of that number as a problem of `n` parameters.
-pub fn problem(
-    number: usize,
-    n: usize,
-) -> Option<Formula<impl Fn(&[Dual]) -> Result<Vec<Dual>, EvalError> + Sync>> {
+pub fn problem(number: usize, n: usize) -> Option<Function> {
     let residual = residual(number)?;
-    Some(Formula::new(n, move |x: &[Dual]| Ok(residual(x))))
+    Some(Formula::new(n, Box::new(move |x| Ok(residual(x)))))
 }
 
 fn count(to: usize) -> impl Iterator<Item = f64> {

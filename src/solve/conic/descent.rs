@@ -19,6 +19,10 @@ const ACCEPT: f64 = 1e-4;
 const FLAT: f64 = 1e-9;
 /// Trial steps from one point.
 const TRIALS: usize = 40;
+/// Radius, relative to the point, below which nothing is gained by going on.
+const SHORTEST: f64 = 1e-14;
+/// KKT residual at which a run that can go no farther has arrived.
+const ARRIVED: f64 = 1e-6;
 /// Norm of the influence, relative to that at the start, below which a residual counts as none.
 const NO_RESIDUAL: f64 = 1e-8;
 
@@ -171,7 +175,11 @@ impl Descent<'_> {
                 Err(why) => {
                     refused = Some(Failure::Inner(why.0));
                     // A shorter step is a better conditioned program.
-                    point.radius = Some(0.25 * point.radius.unwrap_or_else(|| self.reach(point)));
+                    let radius = 0.25 * point.radius.unwrap_or_else(|| self.reach(point));
+                    point.radius = Some(radius);
+                    if radius <= SHORTEST * self.reach(point) || self.arrived(point) {
+                        break;
+                    }
                     continue;
                 }
             };
@@ -180,13 +188,16 @@ impl Descent<'_> {
             match Here::at(self.problem, &step.u, point.loss.needs_rows()) {
                 Ok(there) => {
                     let actual = merit - self.merit(point, &there);
-                    ratio = actual / step.predicted.max(f64::MIN_POSITIVE);
+                    // A step that promises nothing is the solver's rounding.
+                    if step.predicted > 0.0 {
+                        ratio = actual / step.predicted;
+                    }
                     let flat = step.predicted.abs() <= FLAT * merit && actual.abs() <= FLAT * merit;
                     let improves = || {
                         self.stationarity(point, &there).residual
                             < 0.9 * self.stationarity(point, &point.here).residual
                     };
-                    if (step.predicted > 0.0 && ratio > ACCEPT) || (flat && improves()) {
+                    if ratio > ACCEPT || (flat && improves()) {
                         resize(point, &step, if flat { 1.0 } else { ratio });
                         return Trial::Accepted(there, step, actual);
                     }
@@ -198,12 +209,19 @@ impl Descent<'_> {
                 }
                 Err(why) => refused = Some(Failure::Evaluation(why)),
             }
-            if tiny {
+            if tiny || self.arrived(point) {
                 break;
             }
             resize(point, &step, ratio);
         }
+        if self.arrived(point) {
+            return Trial::Ended(Outcome::Converged(Criterion::Step));
+        }
         Trial::Ended(Outcome::Failed(refused.unwrap_or(Failure::NoDescent)))
+    }
+
+    fn arrived(&self, point: &Point) -> bool {
+        self.stationarity(point, &point.here).residual <= ARRIVED
     }
 
     fn reach(&self, point: &Point) -> f64 {

@@ -4,6 +4,9 @@ use crate::linalg;
 use crate::problem::{Compressed, Linearized, Problem};
 use faer::Mat;
 
+/// Norm of a row, relative to the largest, up to which it is rounding.
+const EMPTY: f64 = 1e-14;
+
 /// Residual and Jacobian at `x`: rows where the loss looks at single residuals, their square root where not.
 #[derive(Clone, Debug)]
 pub struct Here {
@@ -37,6 +40,7 @@ impl Here {
             Self { x: x.to_vec(), r, jac, cost }
         } else {
             let Compressed { r, jac, cost } = problem.compress(x).map_err(|why| why.0)?;
+            let (r, jac) = without_empty_rows(r, jac);
             Self { x: x.to_vec(), r, jac, cost }
         };
         // Clarabel takes NaN for a certificate of infeasibility: it must not get that far.
@@ -59,4 +63,13 @@ impl Here {
         let r: Vec<f64> = rows.iter().map(|&i| self.r[i]).collect();
         linalg::compress(&jac, &r)
     }
+}
+
+/// Leaves out rows of rounding errors: the factor of a deficient Jacobian has many, and every program pays for them.
+fn without_empty_rows(r: Vec<f64>, jac: Mat<f64>) -> (Vec<f64>, Mat<f64>) {
+    let sizes: Vec<f64> = (0..jac.nrows()).map(|i| jac.row(i).norm_l2()).collect();
+    let least = EMPTY * sizes.iter().fold(0.0f64, |a, v| a.max(*v));
+    let kept: Vec<usize> = (0..jac.nrows()).filter(|&i| sizes[i] > least).collect();
+    let jac = Mat::from_fn(kept.len(), jac.ncols(), |i, j| jac[(kept[i], j)]);
+    (kept.iter().map(|&i| r[i]).collect(), jac)
 }

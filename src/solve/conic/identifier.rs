@@ -8,11 +8,15 @@ use super::penalty::Penalty;
 use super::step::Model;
 use super::weight::{self, WeightRule};
 use crate::problem::{Form, Problem};
+use crate::solve::anchored::settle;
 use crate::solve::identifier::{Identifier, SettingError, Stop};
 use crate::solve::report::{Estimate, Failure, Report};
+use crate::solve::settings;
 
-/// Ridge, in tolerance units, that chooses the smallest among solutions that the data cannot tell apart.
+/// Ridge, in tolerance units, that chooses the smallest among solutions that data and penalty cannot tell apart.
 const TIE: f64 = 1e-8;
+/// Signal-to-noise ratio up to which, without a penalty, a direction has the prior's full weight (see `minimal`).
+const THRESHOLD: f64 = 1.0;
 
 /// A sequence of conic programs about the current point, in complete coordinates with the gauge left free: a limit
 /// excludes a machine only if no equivalent description of it fits.
@@ -82,7 +86,7 @@ impl Conic {
     fn penalty(&self, weight: f64, prior: bool) -> Penalty {
         let tie = if prior { TIE } else { 0.0 };
         match self.options.regulariser {
-            Regulariser::None => Penalty { ridge: tie, ..Penalty::default() },
+            Regulariser::None => Penalty::default(),
             Regulariser::Ridge => Penalty { ridge: weight, ..Penalty::default() },
             Regulariser::Lasso => Penalty { ridge: tie, lasso: weight, group: 0.0 },
             Regulariser::GroupLasso => Penalty { ridge: tie, lasso: 0.0, group: weight },
@@ -101,12 +105,15 @@ impl Conic {
         }
     }
 
-    fn estimate(&self, weight: f64) -> Estimate {
-        let free = self.options.bounds == f64::INFINITY && self.options.cone == f64::INFINITY;
-        if free && self.options.loss == "least-squares" && self.options.regulariser == Regulariser::Ridge {
-            Estimate::Ridge { weight }
-        } else {
-            Estimate::Other
+    /// Linear theory covers least squares without limits only.
+    fn estimate(&self, problem: &dyn Problem, limits: &Limits, weight: f64) -> Estimate {
+        let free = |v: &f64| v.is_infinite();
+        let limited = limits.cone.is_finite() || !limits.lower.iter().chain(&limits.upper).all(free);
+        match self.options.regulariser {
+            _ if limited || self.options.loss != "least-squares" => Estimate::Other,
+            Regulariser::None => settings::estimate(problem, THRESHOLD),
+            Regulariser::Ridge => Estimate::Ridge { weight },
+            Regulariser::Lasso | Regulariser::GroupLasso => Estimate::Other,
         }
     }
 
@@ -178,6 +185,14 @@ impl Identifier for Conic {
         let Some(loss): Option<Box<dyn Loss>> = loss(self.options.loss, self.options.delta) else {
             return report.fail(Failure::Unsuited(format!("there is no loss '{}'", self.options.loss)));
         };
+        if self.options.regulariser == Regulariser::None {
+            let report = Report { estimate: self.estimate(problem, &limits, 1.0), ..report };
+            return settle(problem, start, THRESHOLD, stop, report.clone(), |problem, from, stop| {
+                let penalty = Penalty::default();
+                let report = Report { x: from.to_vec(), ..report.clone() };
+                Descent { problem, loss: loss.as_ref(), penalty, limits: &limits, stop }.run(from, report)
+            });
+        }
         let mut descent = Descent {
             problem,
             loss: loss.as_ref(),
@@ -190,7 +205,7 @@ impl Identifier for Conic {
             Err(failed) => return *failed,
         };
         descent.penalty = self.penalty(weight, problem.has_prior());
-        report.estimate = self.estimate(weight);
+        report.estimate = self.estimate(problem, &limits, weight);
         let from = report.x.clone();
         descent.run(&from, report)
     }

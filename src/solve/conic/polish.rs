@@ -11,8 +11,8 @@ use faer::{Mat, MatMut};
 
 /// Nearness to a limit or to zero, in units of the program, at which a candidate counts as there.
 const NEAR: f64 = 1e-6;
-/// Newton steps, each with one look at the active set.
-const PASSES: usize = 15;
+/// Move, relative to the point, after which it counts as settled.
+const SETTLED: f64 = 1e-13;
 /// Proximal weight, relative to the squared column norms, that keeps the factor of a deficient Jacobian regular.
 const PROXIMAL: f64 = 1e-20;
 /// Size of a multiplier, relative to its measure, from which its sign counts.
@@ -35,20 +35,29 @@ struct ActiveSet {
 }
 
 /// The polished point; `None` where the loss has no quadratic or the active set does not settle.
-pub fn polish(model: &Model, here: &Here, candidate: &[f64], unit: &[f64]) -> Option<Vec<f64>> {
+pub fn polish(
+    model: &Model,
+    here: &Here,
+    candidate: &[f64],
+    unit: &[f64],
+    passes: usize,
+) -> Option<Vec<f64>> {
     let mut u = candidate.to_vec();
     let mut set = guess(model, &mut u, unit);
-    for _ in 0..PASSES {
+    let mut last = f64::INFINITY;
+    for _ in 0..passes {
         let quadratic = model.loss.quadratic(here, &here.predict(&u))?;
         let free = free_directions(model, &set, &u);
         let before = u.clone();
         newton(model, here, &quadratic, &free, &mut u)?;
+        // Multipliers belong to the minimiser on the set, before it is cut back: the primal-dual active set method.
+        let freed = release(model, here, &mut set, &mut u)?;
         let grown = hold(model, &mut set, &before, &mut u);
         let moved = u.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let settled = moved <= 4.0 * f64::EPSILON * norm(&u).max(f64::MIN_POSITIVE);
-        if !grown && !release(model, here, &mut set, &mut u)? && settled {
+        if !freed && !grown && (moved <= SETTLED * norm(&u) || moved > 0.5 * last) {
             return Some(u);
         }
+        last = if freed || grown { f64::INFINITY } else { moved };
     }
     Some(u)
 }
@@ -123,31 +132,38 @@ fn newton(model: &Model, here: &Here, quadratic: &Quadratic, free: &[Free], u: &
     if free.is_empty() {
         return Some(());
     }
-    let (n, k, f) = (u.len(), quadratic.jac.nrows(), free.len());
+    let (k, f) = (quadratic.jac.nrows(), free.len());
     let (slope, bend) = curved(model, here, quadratic, u);
-    let root = model.penalty.ridge.sqrt();
+    let bent: Vec<usize> = (0..u.len()).filter(|&i| bend[i] > 0.0).collect();
     let moved: Vec<f64> = u.iter().zip(&here.x).map(|(u, x)| u - x).collect();
     let at = linalg::mul(quadratic.jac.as_ref(), &moved);
-    let mut rows = Mat::zeros(k + 2 * n + f, f + 1);
+    let mut rows = Mat::zeros(k + bent.len() + f, f + 1);
     let mut linear = vec![0.0; f];
     for (j, direction) in free.iter().enumerate() {
+        let (mut square, mut along) = (0.0, 0.0);
         for &(i, part) in &direction.parts {
-            for row in 0..k {
-                rows[(row, j)] += quadratic.jac[(row, i)] * part;
+            for (to, from) in rows.col_mut(j).iter_mut().zip(quadratic.jac.col(i).iter()) {
+                *to += from * part;
             }
-            rows[(k + i, j)] += root * part;
-            rows[(k + n + i, j)] += bend[i].sqrt() * part;
             linear[j] += slope[i] * part;
+            along += u[i] * part;
         }
-        let square: f64 = (0..k).map(|row| rows[(row, j)] * rows[(row, j)]).sum();
-        rows[(k + 2 * n + j, j)] = (PROXIMAL * square).sqrt().max(f64::MIN_POSITIVE.sqrt());
+        for (row, &i) in bent.iter().enumerate() {
+            let part = direction.parts.iter().find(|(member, _)| *member == i).map_or(0.0, |(_, part)| *part);
+            rows[(k + row, j)] = bend[i].sqrt() * part;
+        }
+        for value in rows.col(j).iter().take(k) {
+            square += value * value;
+        }
+        // The directions are orthonormal, so that the ridge is diagonal in them.
+        let ridge = model.penalty.ridge;
+        let diagonal = (ridge + PROXIMAL * square).max(f64::MIN_POSITIVE).sqrt();
+        rows[(k + bent.len() + j, j)] = diagonal;
+        rows[(k + bent.len() + j, f)] = ridge * along / diagonal;
     }
-    flatten_along(model, u, &bend, free, rows.as_mut().subrows_mut(k + n, n));
+    flatten_along(model, u, &bent, rows.as_mut().submatrix_mut(k, 0, bent.len(), f));
     for row in 0..k {
         rows[(row, f)] = at[row] + quadratic.r[row];
-    }
-    for i in 0..n {
-        rows[(k + i, f)] = root * u[i];
     }
     if !rows.is_all_finite() {
         return None;
@@ -202,15 +218,19 @@ fn curved(model: &Model, here: &Here, quadratic: &Quadratic, u: &[f64]) -> (Vec<
 }
 
 /// Takes from the bend of every group what lies along the group itself: a length is straight along its own ray.
-fn flatten_along(model: &Model, u: &[f64], bend: &[f64], free: &[Free], mut rows: MatMut<'_, f64>) {
+fn flatten_along(model: &Model, u: &[f64], bent: &[usize], mut rows: MatMut<'_, f64>) {
     for group in model.groups {
         let size = length(u, group);
-        if size == 0.0 || group.members.iter().all(|&i| bend[i] == 0.0) {
+        let members: Vec<(usize, f64)> = (0..bent.len())
+            .filter(|&row| group.members.contains(&bent[row]))
+            .map(|row| (row, u[bent[row]] / size))
+            .collect();
+        if members.is_empty() {
             continue;
         }
-        for j in 0..free.len() {
-            let along: f64 = group.members.iter().map(|&i| u[i] / size * rows[(i, j)]).sum();
-            group.members.iter().for_each(|&i| rows[(i, j)] -= u[i] / size * along);
+        for j in 0..rows.ncols() {
+            let along: f64 = members.iter().map(|&(row, unit)| unit * rows[(row, j)]).sum();
+            members.iter().for_each(|&(row, unit)| rows[(row, j)] -= unit * along);
         }
     }
 }

@@ -34,6 +34,8 @@ pub struct Program {
     owners: Vec<Owner>,
     /// Most interior-point iterations.
     pub iterations: u32,
+    /// Accuracy asked for, relative to data of order one.
+    pub tolerance: f64,
 }
 
 /// What clarabel returned.
@@ -59,6 +61,7 @@ impl Program {
             cones: Vec::new(),
             owners: Vec::new(),
             iterations: 200,
+            tolerance: TOLERANCE,
         }
     }
 
@@ -169,9 +172,9 @@ impl Program {
         let settings = DefaultSettingsBuilder::default()
             .verbose(false)
             .max_iter(self.iterations)
-            .tol_gap_abs(TOLERANCE)
-            .tol_gap_rel(TOLERANCE)
-            .tol_feas(TOLERANCE)
+            .tol_gap_abs(self.tolerance)
+            .tol_gap_rel(self.tolerance)
+            .tol_feas(self.tolerance)
             .max_threads(1)
             .build()
             .map_err(|why| why.to_string())?;

@@ -39,8 +39,8 @@ pub struct Step {
     pub length: f64,
     /// Derivative of the loss by the residual where only the program's duals know it.
     pub influence: Option<Vec<f64>>,
-    /// How clarabel ended.
-    pub status: SolverStatus,
+    /// How clarabel ended; `None` where it was not asked.
+    pub status: Option<SolverStatus>,
 }
 
 /// No usable step: how clarabel ended.
@@ -49,6 +49,12 @@ pub struct NoStep(pub String);
 
 /// Programs with a growing working set before its last answer is taken as it is.
 const ROUNDS: usize = 12;
+/// Newton steps of a polish, each with one look at the active set.
+const PASSES: usize = 15;
+/// The same from the active set of the point itself, before clarabel is asked.
+const WARM_PASSES: usize = 12;
+/// KKT residual of a program's solution that needs no other witness.
+const VERIFIED: f64 = 1e-11;
 /// Nearness to a limit, in units of the program, from which an unpolished point is put on it.
 const SNAP: f64 = 1e-7;
 
@@ -101,6 +107,9 @@ impl Model<'_> {
     /// The best step from `here`, at most `radius` long where one is given.
     pub fn step(&self, here: &Here, radius: Option<f64>) -> Result<Step, NoStep> {
         let frame = Frame { here, unit: self.units(here, radius) };
+        if let Some(step) = self.warm(&frame, radius) {
+            return Ok(step);
+        }
         let mut working = self.loss.working_set(here);
         let mut round = 1;
         let (mut u, solution) = loop {
@@ -120,7 +129,7 @@ impl Model<'_> {
         let length = trust::length(self.metric, &here.x, &u);
         // A polish forgets the trust region: it is for steps that are free of it.
         if radius.is_none_or(|radius| length < 0.99 * radius)
-            && let Some(polished) = polish(self, here, &u, &frame.unit)
+            && let Some(polished) = polish(self, here, &u, &frame.unit, PASSES)
             && self.better(here, &polished, &u, radius)
         {
             u = polished;
@@ -130,9 +139,23 @@ impl Model<'_> {
             length: trust::length(self.metric, &here.x, &u),
             predicted,
             influence: self.loss.dual_influence(here, &working, &solution),
-            status: solution.status,
+            status: Some(solution.status),
             u,
         })
+    }
+
+    /// The step on the active set of the point itself, if it satisfies the program's conditions: those are
+    /// sufficient, the program being convex, so that clarabel need not be asked. Near a solution it never is.
+    fn warm(&self, frame: &Frame, radius: Option<f64>) -> Option<Step> {
+        let here = frame.here;
+        let u = polish(self, here, &here.x, &frame.unit, WARM_PASSES)?;
+        let length = trust::length(self.metric, &here.x, &u);
+        let inside = self.limits.violation(&u, self.groups) <= 1e-14 * linalg::norm(&u).max(1.0);
+        let solved = inside
+            && radius.is_none_or(|radius| length <= radius)
+            && self.program_stationarity(here, &u).residual <= VERIFIED;
+        let predicted = self.merit(&here.r, &here.x) - self.merit(&here.predict(&u), &u);
+        solved.then_some(Step { u, predicted, length, influence: None, status: None })
     }
 
     /// The program about `frame`; the rows of the loss come first.

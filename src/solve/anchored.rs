@@ -1,0 +1,124 @@
+//! A problem with the tolerance's prior where the data know less than it, as the default identifier has it.
+
+use super::identifier::Stop;
+use super::report::{Failure, Report};
+use super::split::prior_weight;
+use crate::linalg;
+use crate::problem::{Compressed, EvalError, Group, Linearized, Param, Problem, cost};
+use faer::Mat;
+
+/// `min |r(x)|^2 / 2 + |A'x|^2 / 2`, the columns of `A` the directions whose signal-to-noise ratio is low, times the
+/// root of [`prior_weight`]: without them flat valleys of a machine are followed for hundreds of steps that mean
+/// nothing (docs/theory.md section 5).
+pub struct Anchored<'p> {
+    inner: &'p dyn Problem,
+    /// `A'`, one row a direction.
+    rows: Mat<f64>,
+    kept: usize,
+}
+
+/// Most splits: each after a run under the one before.
+const SPLITS: usize = 4;
+
+impl<'p> Anchored<'p> {
+    /// Anchors by the singular values at `here`, in units of `threshold`; `None` where they cannot be had.
+    pub fn at(inner: &'p dyn Problem, here: &Compressed, threshold: f64) -> Option<Self> {
+        let svd = linalg::svd(here.jac.as_ref())?;
+        let n = here.jac.ncols();
+        let sizes: Vec<f64> = (0..n).map(|i| svd.s.get(i).copied().unwrap_or(0.0) / threshold).collect();
+        let weak: Vec<(usize, f64)> = sizes
+            .iter()
+            .enumerate()
+            .map(|(i, s)| (i, prior_weight(*s).sqrt()))
+            .filter(|(_, w)| *w > 0.0)
+            .collect();
+        Some(Self {
+            inner,
+            rows: Mat::from_fn(weak.len(), n, |i, j| weak[i].1 * svd.v[(j, weak[i].0)]),
+            kept: sizes.iter().filter(|s| **s > 1.0).count(),
+        })
+    }
+
+    fn extend(&self, jac: &Mat<f64>, r: Vec<f64>, x: &[f64]) -> (Mat<f64>, Vec<f64>) {
+        let (m, k, n) = (jac.nrows(), self.rows.nrows(), x.len());
+        let mut stacked = Mat::zeros(m + k, n);
+        stacked.as_mut().subrows_mut(0, m).copy_from(jac);
+        stacked.as_mut().subrows_mut(m, k).copy_from(&self.rows);
+        (stacked, r.into_iter().chain(linalg::mul(self.rows.as_ref(), x)).collect())
+    }
+}
+
+impl Problem for Anchored<'_> {
+    fn params(&self) -> &[Param] {
+        self.inner.params()
+    }
+
+    fn groups(&self) -> &[Group] {
+        self.inner.groups()
+    }
+
+    fn has_prior(&self) -> bool {
+        self.inner.has_prior()
+    }
+
+    fn residual(&self, x: &[f64]) -> Result<Vec<f64>, EvalError> {
+        let mut r = self.inner.residual(x)?;
+        r.extend(linalg::mul(self.rows.as_ref(), x));
+        Ok(r)
+    }
+
+    fn linearize(&self, x: &[f64]) -> Result<Linearized, EvalError> {
+        let lin = self.inner.linearize(x)?;
+        let (jac, r) = self.extend(&lin.jac, lin.r, x);
+        Ok(Linearized { r, jac })
+    }
+
+    fn compress(&self, x: &[f64]) -> Result<Compressed, EvalError> {
+        let here = self.inner.compress(x)?;
+        let (jac, r) = self.extend(&here.jac, here.r, x);
+        let prior = cost(&linalg::mul(self.rows.as_ref(), x));
+        Ok(Compressed { cost: here.cost + prior, ..linalg::compress(&jac, &r) })
+    }
+
+    fn redundant(&self, x: &[f64]) -> Mat<f64> {
+        self.inner.redundant(x)
+    }
+}
+
+/// Runs an identifier on `problem` with anchors, and again with new ones until their number repeats; on the plain
+/// problem where there is no prior. The report's cost is that of the data.
+pub fn settle(
+    problem: &dyn Problem,
+    start: &[f64],
+    threshold: f64,
+    stop: &Stop,
+    mut report: Report,
+    run: impl Fn(&dyn Problem, &[f64], &Stop) -> Report,
+) -> Report {
+    if !problem.has_prior() {
+        return run(problem, start, stop);
+    }
+    let mut kept = None;
+    for _ in 0..SPLITS {
+        let here = match problem.compress(&report.x) {
+            Ok(here) => here,
+            Err(why) => return report.fail(Failure::Start(why.0)),
+        };
+        let Some(anchored) = Anchored::at(problem, &here, threshold) else {
+            return report.fail(Failure::Start("the Jacobian is not finite".into()));
+        };
+        if kept == Some(anchored.kept) {
+            break;
+        }
+        kept = Some(anchored.kept);
+        let left = Stop { iterations: stop.iterations.saturating_sub(report.trace.len()), ..*stop };
+        let mut next = run(&anchored, &report.x, &left);
+        next.trace.splice(..0, report.trace);
+        next.cost = problem.residual(&next.x).map_or(f64::INFINITY, |r| cost(&r));
+        report = next;
+        if !report.outcome.converged() {
+            break;
+        }
+    }
+    report
+}
