@@ -101,7 +101,7 @@ fn of_random_machines_with_partial_measurements() {
     let mut worst = (0.0_f64, 0.0_f64);
     for pattern in PATTERNS {
         for round in 0..4 {
-            let mechanism = random_machine(pattern, &mut rng);
+            let mechanism = random_machine(pattern, 1, &mut rng);
             let samples = random_samples(&mechanism, 4, 0.1, true, &mut rng);
             // One form a machine, but complete, of which the others are products, always.
             let others = [Form::Minimal, Form::Plain];
@@ -126,7 +126,7 @@ fn gradient_and_compressed_rows_are_those_of_the_jacobian() {
     let mut rng = ChaCha8Rng::seed_from_u64(12);
     // More postures than one thread takes at a time, so that parts are joined.
     for (pattern, count) in [(PATTERNS[0], 300), (PATTERNS[4], 150), (PATTERNS[6], 5)] {
-        let mechanism = random_machine(pattern, &mut rng);
+        let mechanism = random_machine(pattern, 1, &mut rng);
         let samples = random_samples(&mechanism, count, 0.05, true, &mut rng);
         for form in [Form::Minimal, Form::Complete, Form::Plain] {
             let samples = in_form(&samples, form);

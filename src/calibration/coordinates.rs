@@ -9,6 +9,7 @@
 //! Jacobians are assembled in the slice, compressed there, and only then carried to `x` by one small matrix a
 //! limb. This never multiplies the tall Jacobian by a basis.
 
+use crate::lie::Se3;
 use crate::lie::se3::{self, Twist};
 use crate::linalg;
 use crate::model::{Geometry, Limb, Mechanism, Prior};
@@ -189,7 +190,7 @@ impl Coordinates {
                 null[(limb.free[i], j)] / self.unit(limb, limb.free[i])
             });
             let orthonormal = inside.qr().compute_thin_Q();
-            for j in 0..orthonormal.ncols() {
+            for j in 0..limb.pivots.len() {
                 for i in 0..limb.count {
                     out[(limb.offset + i, column)] = orthonormal[(i, j)];
                 }
@@ -255,14 +256,18 @@ impl Coordinates {
 
 impl LimbCoordinates {
     /// Matrix (slice x complete) that replaces a body twist by the one in the slice that no pose tells from it.
-    fn projection(&self, limb: &Limb, links: &[crate::lie::Se3]) -> Mat<f64> {
+    fn projection(&self, limb: &Limb, links: &[Se3]) -> Mat<f64> {
         let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());
         let k = self.pivots.len();
-        let at_pivots = Mat::from_fn(k, k, |i, j| null[(self.pivots[i], j)]);
-        let at_slice = Mat::from_fn(self.slice.len(), k, |i, j| null[(self.slice[i], j)]);
-        use faer::linalg::solvers::Solve;
-        // slice - N_slice N_pivots^-1 pivots
-        let weights = at_pivots.transpose().partial_piv_lu().solve(at_slice.transpose());
+        let many = null.ncols();
+        let at_pivots = Mat::from_fn(k, many, |i, j| null[(self.pivots[i], j)]);
+        let at_slice = Mat::from_fn(self.slice.len(), many, |i, j| null[(self.slice[i], j)]);
+        use faer::linalg::solvers::{Solve, SolveLstsq};
+        // slice - N_slice N_pivots^-1 pivots, where N has more columns than pivots any inverse
+        let weights = match many > k {
+            true => at_pivots.transpose().qr().solve_lstsq(at_slice.transpose()),
+            false => at_pivots.transpose().partial_piv_lu().solve(at_slice.transpose()),
+        };
         let mut project = Mat::zeros(self.slice.len(), self.sigma.len());
         for (row, &i) in self.slice.iter().enumerate() {
             project[(row, i)] = 1.0;
@@ -286,31 +291,60 @@ fn sigmas(link: &crate::model::Link, length: f64) -> [f64; 6] {
     [angle, angle, angle, translation, translation, translation]
 }
 
-/// Redundant body twists (complete x k) that leave held components alone.
-fn redundancy(limb: &Limb, links: &[crate::lie::Se3], sigma: &[f64]) -> Mat<f64> {
-    let columns = limb.null_basis(links);
-    let held: Vec<usize> = (0..sigma.len()).filter(|&i| sigma[i] == 0.0).collect();
-    let at_held = Mat::from_fn(held.len(), columns.len(), |i, j| columns[j][held[i]]);
-    let rank = match linalg::singular_values(at_held.as_ref()) {
-        Some(s) => s.iter().filter(|v| **v > 1e-9 * s[0].max(1.0)).count(),
-        None => 0,
-    };
-    redundancy_of(limb, links, sigma, columns.len() - rank)
+/// Redundant body twists (complete x k) that leave held components alone, as many as a machine has that deviates.
+///
+/// Where a link is held in part, parallel or square axes may hide at nominal that its other components matter: only
+/// what stays redundant once they deviate is taken, continued to the nominal machine.
+fn redundancy(limb: &Limb, links: &[Se3], sigma: &[f64]) -> Mat<f64> {
+    let (generic, _) = null_coefficients(limb, &apart(links, sigma), sigma, 0);
+    let (here, all) = null_coefficients(limb, links, sigma, generic.ncols());
+    match here.ncols() > generic.ncols() {
+        true => all * (&here * (here.transpose() * generic)),
+        false => all * here,
+    }
 }
 
-/// The same with the number of columns given, so that it is one and the same along an identification.
-fn redundancy_of(limb: &Limb, links: &[crate::lie::Se3], sigma: &[f64], count: usize) -> Mat<f64> {
+/// All redundant body twists at these links that leave held components alone: `count` or, where axes are special,
+/// more.
+fn redundancy_of(limb: &Limb, links: &[Se3], sigma: &[f64], count: usize) -> Mat<f64> {
+    if sigma.iter().all(|sigma| *sigma > 0.0) {
+        return null_matrix(limb, links);
+    }
+    let (here, all) = null_coefficients(limb, links, sigma, count);
+    all * here
+}
+
+fn null_matrix(limb: &Limb, links: &[Se3]) -> Mat<f64> {
     let columns = limb.null_basis(links);
-    let all = Mat::from_fn(sigma.len(), columns.len(), |i, j| columns[j][i]);
+    Mat::from_fn(6 * links.len(), columns.len(), |i, j| columns[j][i])
+}
+
+/// Combinations of the null basis, `least` or more, that leave held components alone; and the null basis.
+fn null_coefficients(limb: &Limb, links: &[Se3], sigma: &[f64], least: usize) -> (Mat<f64>, Mat<f64>) {
+    let all = null_matrix(limb, links);
     let held: Vec<usize> = (0..sigma.len()).filter(|&i| sigma[i] == 0.0).collect();
     if held.is_empty() {
-        return all;
+        return (Mat::identity(all.ncols(), all.ncols()), all);
     }
-    let at_held = Mat::from_fn(held.len(), columns.len(), |i, j| columns[j][held[i]]);
-    match linalg::svd(at_held.as_ref()) {
-        Some(svd) => &all * svd.v.get(.., columns.len() - count..),
-        None => Mat::zeros(sigma.len(), 0),
-    }
+    let at_held = Mat::from_fn(held.len(), all.ncols(), |i, j| all[(held[i], j)]);
+    let coefficients = match linalg::svd(at_held.as_ref()) {
+        Some(svd) => {
+            let largest = svd.s.first().copied().unwrap_or(0.0).max(1.0);
+            let rank = svd.s.iter().filter(|v| **v > 1e-9 * largest).count();
+            svd.v.get(.., rank.min(all.ncols() - least)..).to_owned()
+        }
+        None => Mat::zeros(all.ncols(), 0),
+    };
+    (coefficients, all)
+}
+
+/// The links, each deviated by some 0.05 rad and m in every component that is not held, no two alike.
+fn apart(links: &[Se3], sigma: &[f64]) -> Vec<Se3> {
+    let moved = links.iter().zip(sigma.chunks_exact(6)).enumerate().map(|(j, (link, sigma))| {
+        let some = |i: usize| if sigma[i] > 0.0 { 0.05 * (1.0 + (6 * j + i) as f64).sin() } else { 0.0 };
+        *link * se3::exp(&Twist::from_fn(|i, _| some(i)))
+    });
+    moved.collect()
 }
 
 /// Rows that complete pivoting picks for the k columns of `a`.

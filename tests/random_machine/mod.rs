@@ -22,11 +22,11 @@ fn vector(rng: &mut ChaCha8Rng, size: f64) -> [f64; 3] {
     std::array::from_fn(|_| rng.random_range(-size..size))
 }
 
-fn limb(passive: usize, rng: &mut ChaCha8Rng) -> Value {
+fn limb(passive: usize, least: usize, rng: &mut ChaCha8Rng) -> Value {
     let mut joints = Vec::new();
-    let mut left = passive;
-    // Past the last passive joint a limb may go on with active ones; with none it must have one.
-    while left > 0 || joints.is_empty() || rng.random_bool(0.3) {
+    let (mut left, mut count) = (passive, 0);
+    // Past the last passive joint a limb may go on with active ones.
+    while left > 0 || count < least || rng.random_bool(0.3) {
         let kind = &KINDS[rng.random_range(0..KINDS.len())];
         let actuated: Vec<bool> = (0..kind.motions.len())
             .map(|_| {
@@ -44,6 +44,7 @@ fn limb(passive: usize, rng: &mut ChaCha8Rng) -> Value {
         if kind.has_pitch() {
             joint["pitch"] = json!(rng.random_range(0.05..0.3));
         }
+        count += actuated.len();
         joints.push(joint);
     }
     json!({ "joints": joints })
@@ -55,10 +56,11 @@ fn is_regular(posture: &Posture) -> bool {
     s[5] > 0.03 * s[0] && posture.splits.iter().all(|split| split.smallest_pivot() > 0.1)
 }
 
-/// A machine that is far from singular at home, with tolerances of 1 mrad and 0.5 mm.
-pub fn random_machine(pattern: &[usize], rng: &mut ChaCha8Rng) -> Mechanism {
+/// A machine that is far from singular at home, with at least `least` joints a limb and tolerances of 1 mrad and
+/// 0.5 mm.
+pub fn random_machine(pattern: &[usize], least: usize, rng: &mut ChaCha8Rng) -> Mechanism {
     loop {
-        let limbs: Vec<Value> = pattern.iter().map(|passive| limb(*passive, rng)).collect();
+        let limbs: Vec<Value> = pattern.iter().map(|passive| limb(*passive, least, rng)).collect();
         let file = json!({"format": "gough-problem/1", "units": {"length": "m", "angle": "rad"},
             "mechanism": {"tool": {"position": vector(rng, 0.5), "rotation": vector(rng, 2.0)},
                           "tolerance": {"angle": 1e-3, "length": 5e-4}, "limbs": limbs}});
