@@ -30,8 +30,8 @@ pub struct SetAside {
 impl Sample {
     /// Closes the posture with the given links and leaves it in `posture`.
     ///
-    /// From the measured pose where there is one, so that the assembly mode is the measured one; else, or where
-    /// that fails, along the actuators' path from home.
+    /// From the measured pose where there is one, so that the assembly mode is the measured one; else along the
+    /// actuators' path from home.
     pub fn close(
         &self,
         mechanism: &Mechanism,
@@ -44,26 +44,15 @@ impl Sample {
             posture.set_joints(mechanism, &self.actuators, &home);
             return posture.close(mechanism, geometry);
         }
-        let mut failure = None;
         if let Some(pose) = self.measurement.pose() {
             let passive = passive_at_pose(mechanism, geometry, &self.actuators, &home, pose);
             posture.set_joints(mechanism, &self.actuators, &passive);
             let mode = posture.assembly_mode(mechanism, geometry);
-            match posture.close(mechanism, geometry) {
-                Ok(()) if posture.mode == mode => return Ok(()),
-                Ok(()) => failure = Some(NotClosed::OtherMode),
-                Err(why) => failure = Some(why),
-            }
+            posture.close(mechanism, geometry)?;
+            return if posture.mode == mode { Ok(()) } else { Err(NotClosed::OtherMode) };
         }
         posture.set_joints(mechanism, &vec![0.0; self.actuators.len()], &home);
-        let from_home = posture
-            .close(mechanism, geometry)
-            .and_then(|()| close_from_home(mechanism, geometry, posture, &self.actuators));
-        match (from_home, failure) {
-            // Home's branch is not the measured one: what failed from the measured pose is the reason.
-            (Ok(()), Some(why)) => Err(why),
-            (Err(_), Some(why)) => Err(why),
-            (outcome, None) => outcome,
-        }
+        posture.close(mechanism, geometry)?;
+        close_from_home(mechanism, geometry, posture, &self.actuators)
     }
 }

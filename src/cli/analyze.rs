@@ -4,7 +4,7 @@ use super::command::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
 use crate::calibration::{Coordinates, Sample};
-use crate::files::{DataPlaces, Output, ProblemFile, json, read_problem};
+use crate::files::{DataPlaces, Kind, Output, ProblemFile, json, read_problem};
 use crate::identify::Visibility;
 use crate::identify::counts::visibility;
 use crate::model::mobility;
@@ -59,7 +59,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     Ok(Ending::Done)
 }
 
-/// Random postures at which the instrument is taken to measure a full pose with the stated noise.
+/// Random postures at which the instrument is taken to measure with the stated noise.
 fn planned_samples(problem: &ProblemFile) -> Result<Vec<Sample>, CliError> {
     let mechanism = &problem.mechanism;
     let covariance = problem.data.noise.ok_or_else(|| {
@@ -79,7 +79,9 @@ fn planned_samples(problem: &ProblemFile) -> Result<Vec<Sample>, CliError> {
             sample: name.clone(),
             why,
         })?;
-        let pose = crate::measure::Pose::new(posture.tool(), [true; 6], &covariance)
+        let rotation = problem.data.kind == Kind::Pose;
+        let seen = [rotation, rotation, rotation, true, true, true];
+        let pose = crate::measure::Pose::new(posture.tool(), seen, &covariance)
             .map_err(|why| CliError::Usage(format!("{}: data.noise: {why}", problem.file)))?;
         samples.push(Sample { name, actuators, measurement: std::sync::Arc::new(pose) });
     }
@@ -110,10 +112,11 @@ fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibi
         let held = own.sigma.len() - own.free.len();
         let without = if held > 0 { format!(", {held} components held") } else { String::new() };
         text.push_str(&format!(
-            "         {}: {} = 4*{angular} + 2*{prismatic} + 6 - {} passive{without}\n",
+            "         {}: {} of 4*{angular} + 2*{prismatic} + 6 - {} passive = {}{without}\n",
             limb.name,
             own.slice.len(),
             limb.passive_count(),
+            4 * angular + 2 * prismatic + 6 - limb.passive_count(),
         ));
     }
     text.push_str(&format!(

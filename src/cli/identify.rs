@@ -57,7 +57,14 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     problem.require_samples()?;
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
-    let (training, holdout) = divided(&problem, args)?;
+    let own = problem.data.measured.iter().filter(|measured| measured.noise.is_some()).count();
+    if !problem.data.has_noise() && own > 0 {
+        return Err(CliError::Usage(format!(
+            "{}: data: {own} samples state their own noise and the others have none; state data.noise",
+            problem.file
+        )));
+    }
+    let (training, mut holdout) = divided(&problem, args)?;
     let stop = Stop::default();
     let message = format!("identifying {} from {} postures", problem.name, training.len());
     let outcome = with_spinner(message, || match problem.data.has_noise() {
@@ -75,6 +82,9 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             sample: first.name.clone(),
             why: first.reason.clone(),
         });
+    }
+    if let (Some(noise), false) = (&noise, problem.holdout.has_noise()) {
+        holdout = noise.weigh(&holdout);
     }
     let held_out: (Option<Fit>, Option<Fit>) = (
         score::score(&found.start, &found.start.nominal(), &holdout),

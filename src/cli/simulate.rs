@@ -3,8 +3,8 @@
 use super::command::Ending;
 use super::error::CliError;
 use crate::files::{
-    DataDrawing, DataPlaces, Output, ProblemFile, SampleDrawing, json, noise::NoiseDrawing, read_problem,
-    redraw,
+    DataDrawing, DataPlaces, Kind, Output, ProblemFile, SampleDrawing, json, noise::NoiseDrawing,
+    read_problem, redraw,
 };
 use crate::model::mobility;
 use crate::simulate::{Plan, simulate};
@@ -16,11 +16,11 @@ pub struct Args {
     /// Problem file: machine, tolerances and noise; its data, if any, are replaced
     problem: PathBuf,
     /// Number of measured postures
-    #[arg(long, value_name = "N")]
-    poses: usize,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    poses: u32,
     /// Number of further postures with their true poses, for the hold-out
-    #[arg(long, value_name = "N", default_value_t = 40)]
-    holdout: usize,
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    holdout: u32,
     /// Seed of everything random
     #[arg(long, value_name = "N")]
     seed: u64,
@@ -44,9 +44,6 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             return Err(CliError::Usage(format!("{name} must be a number that is not negative")));
         }
     }
-    if args.poses == 0 {
-        return Err(CliError::Usage("--poses must be at least 1".into()));
-    }
     let problem = read_problem(&args.problem, &DataPlaces::from_environment(None))?;
     problem.require_tolerances()?;
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
@@ -55,7 +52,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         CliError::Usage(format!("{}: data.noise is not stated: simulation needs to know it", problem.file))
     })?;
     let Args { poses, holdout, seed, noise, distance, .. } = *args;
-    let plan = Plan { poses, holdout, seed, noise, distance };
+    let plan = Plan { poses: poses as usize, holdout: holdout as usize, seed, noise, distance };
     let simulated = simulate(&problem.mechanism, &covariance, &plan)
         .map_err(|why| CliError::Simulate { file: problem.file.clone(), why })?;
     let drawing = with_data(&problem, &simulated, args);
@@ -72,7 +69,14 @@ fn with_data(
 ) -> crate::files::ProblemDrawing {
     let (mechanism, units) = (&problem.mechanism, problem.units);
     let drawn = |samples: &[(Vec<f64>, crate::lie::Se3)]| {
-        samples.iter().map(|(q, pose)| SampleDrawing::of(mechanism, units, q, pose)).collect()
+        let sample = |(q, pose): &(Vec<f64>, _)| {
+            let mut sample = SampleDrawing::of(mechanism, units, q, pose);
+            if problem.data.kind == Kind::Position {
+                sample.pose.rotation = None;
+            }
+            sample
+        };
+        samples.iter().map(sample).collect()
     };
     let stated = problem.drawing.data.clone().unwrap_or_default();
     let (noise, covariance): (Option<NoiseDrawing>, _) = (stated.noise, stated.covariance);
@@ -86,6 +90,7 @@ fn with_data(
     });
     let mut drawing = problem.drawing.clone();
     drawing.data = Some(DataDrawing {
+        kind: stated.kind,
         origin: Some(origin),
         noise,
         covariance,

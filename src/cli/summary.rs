@@ -75,8 +75,8 @@ impl Summary<'_> {
                 .chi_square()
                 .map(|(value, degrees_of_freedom)| ChiSquare { value, degrees_of_freedom }),
             noise_estimate: self.noise.map(|noise| NoiseDrawing {
-                angle: Some(units.from_radians(noise.angle)),
-                length: Some(units.from_metres(noise.length)),
+                angle: noise.angle.map(|v| units.from_radians(v)),
+                length: noise.length.map(|v| units.from_metres(v)),
                 covariance: None,
             }),
             warnings: self.warnings(),
@@ -170,7 +170,7 @@ impl Summary<'_> {
             } else {
                 "noise overstated"
             };
-            warnings.push(format!("residuals are {ratio:.2} times the stated noise: {why}"));
+            warnings.push(format!("residuals are {} times the stated noise: {why}", digits(ratio)));
         }
         for bound in &found.report.active {
             warnings.push(format!(
@@ -217,10 +217,15 @@ pub fn summary(of: &Summary<'_>) -> String {
         ));
     }
     if let Some(noise) = of.noise {
+        let shown = |value: Option<f64>, unit: &str| value.map(|v| format!("{} {unit}", digits(v)));
+        let parts = [
+            shown(noise.angle.map(|v| problem.units.from_radians(v)), angle),
+            shown(noise.length.map(|v| problem.units.from_metres(v)), length),
+        ];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
         text.push_str(&format!(
-            "noise       none stated; estimated from the residual: {} {angle}, {} {length}\n",
-            digits(problem.units.from_radians(noise.angle)),
-            digits(problem.units.from_metres(noise.length)),
+            "noise       none stated; estimated from the residual: {}\n",
+            parts.join(", ")
         ));
     }
     text.push_str(&format!(

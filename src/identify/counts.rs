@@ -54,7 +54,7 @@ pub fn visibility(mechanism: &Mechanism, samples: &[Sample], at: &[f64]) -> Resu
     let practical = singular_values.iter().filter(|s| **s > 1.0).count();
     let first_order = first_order(mechanism, &expected, at)?;
     Ok(Visibility {
-        counts: Counts { structural, first_order: first_order.max(practical), practical },
+        counts: Counts { structural, first_order, practical },
         singular_values,
         directions: svd.v,
     })

@@ -6,18 +6,39 @@ use crate::measure::{Row, Weights};
 use crate::model::{Mechanism, Posture};
 use crate::solve::{Identifier, Stop};
 
-/// Rounds of identification and estimate; the weights hardly change after the second.
-const ROUNDS: usize = 3;
+/// Most rounds of identification and estimate.
+const ROUNDS: usize = 20;
+/// Relative change of the estimate at which weights and residual agree.
+const AGREED: f64 = 0.02;
 /// Noise assumed at first, rad and machine sizes.
 const FIRST: f64 = 1e-4;
 
-/// Standard deviations estimated from the residual.
+/// Standard deviations estimated from the residual; `None` for what was not measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseEstimate {
     /// Of each rotation component, rad.
-    pub angle: f64,
+    pub angle: Option<f64>,
     /// Of each length, m.
-    pub length: f64,
+    pub length: Option<f64>,
+}
+
+impl NoiseEstimate {
+    /// The samples with this noise in place of their own.
+    pub fn weigh(&self, samples: &[Sample]) -> Vec<Sample> {
+        let weights =
+            Weights::Isotropic { angle: self.angle.unwrap_or(1.0), length: self.length.unwrap_or(1.0) };
+        let weighted = |s: &Sample| Sample { measurement: s.measurement.reweighted(weights), ..s.clone() };
+        samples.iter().map(weighted).collect()
+    }
+
+    /// Largest relative change to another estimate.
+    fn change(&self, other: &NoiseEstimate) -> f64 {
+        let change = |a: Option<f64>, b: Option<f64>| match (a, b) {
+            (Some(a), Some(b)) => (a / b - 1.0).abs(),
+            _ => 0.0,
+        };
+        change(self.angle, other.angle).max(change(self.length, other.length))
+    }
 }
 
 /// Identifies with weights that come from the residual: assumed, then estimated, until they agree.
@@ -27,20 +48,16 @@ pub fn identify_without_noise(
     identifier: &dyn Identifier,
     stop: &Stop,
 ) -> Result<(Identification, NoiseEstimate), IdentifyError> {
-    let mut noise = NoiseEstimate { angle: FIRST, length: FIRST * drawn.characteristic_length() };
+    let mut noise = NoiseEstimate { angle: Some(FIRST), length: Some(FIRST * drawn.characteristic_length()) };
     let mut round = 0;
     loop {
-        let weights = Weights::Isotropic { angle: noise.angle, length: noise.length };
-        let weighted: Vec<Sample> = samples
-            .iter()
-            .map(|s| Sample { measurement: s.measurement.reweighted(weights), ..s.clone() })
-            .collect();
-        let found = identify(drawn, &weighted, identifier, stop)?;
+        let found = identify(drawn, &noise.weigh(samples), identifier, stop)?;
         round += 1;
-        if round == ROUNDS {
-            return Ok((found, noise));
+        let Some(next) = estimate(&found, samples) else { return Ok((found, noise)) };
+        if round == ROUNDS || next.change(&noise) < AGREED {
+            return Ok((found, next));
         }
-        noise = estimate(&found, samples).unwrap_or(noise);
+        noise = next;
     }
 }
 
@@ -62,14 +79,14 @@ fn estimate(found: &Identification, samples: &[Sample]) -> Option<NoiseEstimate>
     }
     let (_, freedom) = found.chi_square()?;
     let correction = (found.rows as f64 / freedom.max(1.0)).sqrt();
-    let sigma = |(square, count): (f64, f64), otherwise: f64| {
+    let sigma = |(square, count): (f64, f64), least: f64| {
         let sigma = (square / f64::max(count, 1.0)).sqrt() * correction;
-        if sigma > 0.0 && sigma.is_finite() { sigma } else { otherwise }
+        (count > 0.0 && sigma.is_finite()).then_some(sigma.max(least))
     };
     // Exact data leave rounding only; weights must stay finite.
-    let least = 1e-9;
+    let least = 1e-12;
     Some(NoiseEstimate {
-        angle: sigma(angles, least).max(least),
-        length: sigma(lengths, least).max(least * found.start.characteristic_length()),
+        angle: sigma(angles, least),
+        length: sigma(lengths, least * found.start.characteristic_length()),
     })
 }

@@ -4,11 +4,14 @@ use super::counts::{Counts, Visibility, visibility};
 use super::registration::{FreeEnds, registered};
 use super::score::{Fit, score};
 use crate::calibration::{Calibration, Sample, SetAside};
+use crate::lie::Se3;
+use crate::lie::se3::{self, Twist};
 use crate::measure::Weights;
 use crate::model::{Geometry, Mechanism, Posture};
 use crate::problem::{Form, Problem};
 use crate::solve::split::prior_weight;
 use crate::solve::{Estimate, Identifier, Iterate, Report, Stop};
+use nalgebra::Matrix6;
 
 /// Ratio of the extreme singular values of the wrench matrix below which a posture is reported.
 const NEAR_SINGULAR: f64 = 1e-2;
@@ -135,7 +138,7 @@ pub fn identify(
     let geometry = start.deviated(&at);
     let visibility_at = |at: &[f64]| visibility(&start, samples, at).ok();
     let at_solution = visibility_at(&at);
-    let std = at_solution.as_ref().and_then(|v| standard_errors(&start, v, report.estimate));
+    let std = at_solution.as_ref().and_then(|v| standard_errors(drawn, &start, &at, v, report.estimate));
     Ok(Identification {
         fit: (score(&start, &start.nominal(), samples), score(&start, &geometry, samples)),
         nominal: visibility_at(&vec![0.0; at.len()]),
@@ -171,24 +174,50 @@ fn near_singular(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample])
     found
 }
 
-/// Standard errors of the link deviations from the singular value decomposition at the solution.
+/// Weight of the prior on a direction of singular value `s`; `None` where linear theory does not apply.
 ///
-/// Covariance `(J'J + W)^-1`, `W` the prior that the estimate used. Least squares without any prior has no finite
-/// error along directions that the data cannot see; there the tolerance stands in for it.
-fn standard_errors(mechanism: &Mechanism, seen: &Visibility, estimate: Estimate) -> Option<Vec<f64>> {
-    let weight = |s: f64| match estimate {
+/// Least squares without any prior has no finite error along directions that the data cannot see; there the
+/// tolerance stands in for it.
+fn weight(estimate: Estimate, s: f64) -> Option<f64> {
+    match estimate {
         Estimate::Split { threshold } => Some(prior_weight(s / threshold)),
         Estimate::Ridge { weight } => Some(weight),
         Estimate::LeastSquares => Some(if s > 1e-6 { 0.0 } else { 1.0 }),
         Estimate::Other => None,
-    };
-    let coordinates = crate::calibration::Coordinates::new(mechanism, Form::Minimal);
-    let mut variance = vec![0.0; mechanism.component_count()];
+    }
+}
+
+/// Standard errors of the link deviations, from the singular value decomposition at the solution `at`: covariance
+/// `(J'J + W)^-1`, `W` the prior that the estimate used.
+fn standard_errors(
+    drawn: &Mechanism,
+    start: &Mechanism,
+    at: &[f64],
+    seen: &Visibility,
+    estimate: Estimate,
+) -> Option<Vec<f64>> {
+    let coordinates = crate::calibration::Coordinates::new(start, Form::Minimal);
+    // A registered link deviates by D from the drawing and by d from where it was registered: dD follows from dd.
+    let links = |mechanism: &Mechanism| -> Vec<Se3> { mechanism.nominal().limbs.concat() };
+    let charts: Vec<Option<Matrix6<f64>>> = links(drawn)
+        .iter()
+        .zip(links(start))
+        .zip(at.chunks_exact(6))
+        .map(|((drawn, start), d)| {
+            let d = Twist::from_column_slice(d);
+            let whole = se3::log(&(drawn.inverse() * start * se3::exp(&d)));
+            (*drawn != start).then(|| se3::left_jacobian_inverse(&-whole) * se3::right_jacobian(&d))
+        })
+        .collect();
+    let mut variance = vec![0.0; start.component_count()];
     for (k, s) in seen.singular_values.iter().enumerate() {
-        let scale = 1.0 / (s * s + weight(*s)?).sqrt();
+        let scale = 1.0 / (s * s + weight(estimate, *s)?).sqrt();
         let column: Vec<f64> = seen.directions.col(k).iter().map(|v| v * scale).collect();
-        for (v, d) in variance.iter_mut().zip(coordinates.deviations(&column)) {
-            *v += d * d;
+        let column = coordinates.deviations(&column);
+        for ((sum, d), chart) in variance.chunks_exact_mut(6).zip(column.chunks_exact(6)).zip(&charts) {
+            let d = Twist::from_column_slice(d);
+            let shown = chart.map_or(d, |chart| chart * d);
+            sum.iter_mut().zip(shown.iter()).for_each(|(sum, v)| *sum += v * v);
         }
     }
     Some(variance.into_iter().map(f64::sqrt).collect())
@@ -206,8 +235,11 @@ impl Identification {
     pub fn chi_square(&self) -> Option<(f64, f64)> {
         let fit = self.fit.1?;
         let seen = self.visibility.as_ref()?;
-        let used: f64 = seen.singular_values.iter().map(|s| s * s / (s * s + prior_weight(*s))).sum();
-        let used = if used.is_finite() { used } else { seen.counts.practical as f64 };
+        let estimate = self.report.estimate;
+        let mut used = 0.0;
+        for s in seen.singular_values.iter().filter(|s| **s > 0.0) {
+            used += s * s / (s * s + weight(estimate, *s)?);
+        }
         Some((fit.weighted_rms.powi(2) * self.rows as f64, self.rows as f64 - used))
     }
 }

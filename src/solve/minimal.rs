@@ -123,7 +123,8 @@ impl Identifier for Minimal {
             report.x = report.x.iter().zip(&step.dx).map(|(x, dx)| x + dx).collect();
             (cost, gradient) = (step.cost, step.gradient);
             report.cost = cost;
-            report.trace.push(Iterate { cost, step: length, kept: Some(current.split.kept()) });
+            let reached = merit - step.gained;
+            report.trace.push(Iterate { cost: reached, step: length, kept: Some(current.split.kept()) });
             // Steps whose promise no longer shrinks are rounding.
             let at_rounding = unjudged && step.promised > 0.25 * promised_before;
             promised_before = step.promised;
