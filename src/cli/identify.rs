@@ -12,7 +12,7 @@ use crate::solve::{Identifier, Stop, registry};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -26,10 +26,10 @@ pub struct Args {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
     /// Bounds of N times the tolerance on every component (identifiers that take bounds)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     bounds: Option<String>,
     /// Part of the samples to hold out, between 0 and 1, besides the problem's own hold-out
-    #[arg(long, value_name = "FRACTION")]
+    #[arg(long, value_name = "FRACTION", allow_negative_numbers = true)]
     holdout: Option<f64>,
     /// Seed of the choice of held-out samples
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -51,6 +51,11 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let output = args.output.as_deref().map(|path| Output::named(Some(path)));
     if let Some(output) = &output {
         output.check()?;
+    }
+    if let Some(path) = &args.output
+        && same_file(path, &args.problem)
+    {
+        return Err(CliError::Usage(format!("-o {}: that is the problem file itself", path.display())));
     }
     let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
     problem.require_tolerances()?;
@@ -94,6 +99,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         problem: &problem,
         found: &found,
         holdout: held_out,
+        held_out: holdout.len(),
+        out_of_range: out_of_range(&problem),
         noise,
         identifier: identifier.as_ref(),
     };
@@ -110,7 +117,34 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             }
         }
     }
+    for warning in report.warnings() {
+        eprintln!("warning: {warning}");
+    }
     Ok(if found.report.outcome.converged() { Ending::Done } else { Ending::NotConverged })
+}
+
+/// Whether both paths lead to one existing file.
+fn same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Actuators whose readings leave the range that the drawing states by more than a tenth of it.
+fn out_of_range(problem: &ProblemFile) -> Vec<String> {
+    let joints = problem.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
+    let mut names = problem.mechanism.actuator_names();
+    let mut outside = Vec::new();
+    for (index, joint) in joints.enumerate() {
+        let Some((low, high)) = joint.range else { continue };
+        let slack = 0.1 * (high - low);
+        let leaves = |s: &Sample| {
+            let reading = s.actuators.get(index).map_or(joint.home, |variable| variable + joint.home);
+            reading < low - slack || reading > high + slack
+        };
+        if problem.data.samples.iter().any(leaves) {
+            outside.push(std::mem::take(&mut names[index]));
+        }
+    }
+    outside
 }
 
 /// The identifier named, with the settings given.

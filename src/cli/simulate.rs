@@ -25,10 +25,10 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     seed: u64,
     /// Factor on the stated noise; the problem keeps stating it
-    #[arg(long, value_name = "SCALE", default_value_t = 1.0)]
+    #[arg(long, value_name = "SCALE", default_value_t = 1.0, allow_negative_numbers = true)]
     noise: f64,
     /// Factor on the tolerances from which the truth is drawn
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
     distance: f64,
     /// Where to write the problem
     #[arg(short, long, value_name = "FILE")]

@@ -24,6 +24,10 @@ pub struct Summary<'a> {
     pub found: &'a Identification,
     /// Prediction of the hold-out by nominal and result.
     pub holdout: (Option<Fit>, Option<Fit>),
+    /// Number of hold-out postures.
+    pub held_out: usize,
+    /// Readings outside the ranges that the drawing states, by actuator.
+    pub out_of_range: Vec<String>,
     /// Noise, where it was estimated.
     pub noise: Option<NoiseEstimate>,
     /// The identifier.
@@ -126,8 +130,32 @@ impl Summary<'_> {
         links
     }
 
+    /// Deviation components with a stated tolerance: in tolerances, in rad or m, index, axis, and the link's name.
+    fn components(&self) -> Vec<(f64, f64, usize, usize, String)> {
+        let mut components = Vec::new();
+        let mut index = 0;
+        for limb in &self.found.start.limbs {
+            for link in &limb.links {
+                for i in 0..6 {
+                    let prior = if i < 3 { link.tolerance.angle } else { link.tolerance.length };
+                    if let (Prior::Sigma(sigma), Some(&d)) = (prior, self.found.deviations.get(index)) {
+                        components.push((d / sigma, d, index, i, format!("{}.{}", limb.name, link.name)));
+                    }
+                    index += 1;
+                }
+            }
+        }
+        components
+    }
+
+    /// The largest deviation in tolerances, and its link.
+    fn farthest(&self) -> Option<(f64, String)> {
+        let all = self.components().into_iter().map(|(ratio, _, _, _, name)| (ratio.abs(), name));
+        all.filter(|(ratio, _)| ratio.is_finite()).max_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
     /// What deserves attention.
-    fn warnings(&self) -> Vec<String> {
+    pub fn warnings(&self) -> Vec<String> {
         let found = self.found;
         let mut warnings = Vec::new();
         if !found.report.outcome.converged() {
@@ -141,6 +169,40 @@ impl Summary<'_> {
         if taken_back > 0 {
             warnings
                 .push(format!("{taken_back} postures that the nominal machine cannot reach were taken back"));
+        }
+        let scored = self.holdout.1.map_or(0, |fit| fit.samples);
+        if scored < self.held_out {
+            warnings.push(format!(
+                "{} of {} hold-out postures do not close with the result and are not scored",
+                self.held_out - scored,
+                self.held_out
+            ));
+        }
+        if !self.out_of_range.is_empty() {
+            warnings.push(format!(
+                "readings outside the stated range of {}: are units, home and actuator order right?",
+                self.out_of_range.join(", ")
+            ));
+        }
+        if let Some((ratio, name)) = self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF) {
+            warnings.push(format!(
+                "{name} is {} tolerances off: if that cannot be, check units, home, directions of axes, actuator \
+                 order and how rotations are written",
+                digits(ratio)
+            ));
+        }
+        if !found.outliers.is_empty() {
+            let worst = found.outliers.iter().take(SHOWN);
+            let names: Vec<String> =
+                worst.map(|o| format!("{} ({} times the noise)", o.name, digits(o.weighted_rms))).collect();
+            warnings.push(format!("{} postures stand out: {}", found.outliers.len(), names.join(", ")));
+        }
+        let bounded = found.start.limbs.iter().flat_map(|limb| &limb.links).any(|link| link.bounds.is_some());
+        if bounded && !self.identifier.settings().iter().any(|(key, _)| *key == "bounds") {
+            warnings.push(format!(
+                "the problem states bounds, which {} does not take: use conic-bounded",
+                found.report.identifier
+            ));
         }
         for near in &found.near_singular {
             warnings.push(format!(
@@ -181,6 +243,9 @@ impl Summary<'_> {
         warnings
     }
 }
+
+/// Tolerances beyond which a deviation is remarked on.
+const FAR_OFF: f64 = 10.0;
 
 /// Four significant digits.
 fn digits(value: f64) -> String {
@@ -259,28 +324,13 @@ pub fn summary(of: &Summary<'_>) -> String {
         ));
     }
     text.push_str(&largest(of));
-    for warning in of.warnings() {
-        text.push_str(&format!("warning: {warning}\n"));
-    }
     text
 }
 
 /// The largest deviations in tolerances, with their standard errors.
 fn largest(of: &Summary<'_>) -> String {
     let (found, units) = (of.found, of.problem.units);
-    let mut components = Vec::new();
-    let mut index = 0;
-    for limb in &found.start.limbs {
-        for link in &limb.links {
-            for i in 0..6 {
-                let prior = if i < 3 { link.tolerance.angle } else { link.tolerance.length };
-                if let (Prior::Sigma(sigma), Some(&d)) = (prior, found.deviations.get(index)) {
-                    components.push((d / sigma, d, index, i, format!("{}.{}", limb.name, link.name)));
-                }
-                index += 1;
-            }
-        }
-    }
+    let mut components = of.components();
     components.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()).then(a.2.cmp(&b.2)));
     components.retain(|c| c.0.is_finite() && c.0 != 0.0);
     if components.is_empty() {

@@ -2,7 +2,7 @@
 
 use super::counts::{Counts, Visibility, visibility};
 use super::registration::{FreeEnds, registered};
-use super::score::{Fit, score};
+use super::score::{Fit, Outlier, outliers, score};
 use crate::calibration::{Calibration, Sample, SetAside};
 use crate::lie::Se3;
 use crate::lie::se3::{self, Twist};
@@ -73,6 +73,8 @@ pub struct Identification {
     pub set_aside: Vec<SetAside>,
     /// Samples whose posture is near a singularity.
     pub near_singular: Vec<NearSingular>,
+    /// Samples that the result predicts far worse than the others, worst first.
+    pub outliers: Vec<Outlier>,
     /// Prediction of the training samples by the drawing (free ends registered) and by the result.
     pub fit: (Option<Fit>, Option<Fit>),
     /// Number of residuals.
@@ -145,6 +147,7 @@ pub fn identify(
         deviations: geometry.deviations_from(&drawn.nominal()),
         rows: problem.rows(),
         near_singular: near_singular(&start, &geometry, samples),
+        outliers: outliers(&start, &geometry, samples),
         set_aside: problem.set_aside().to_vec(),
         visibility: at_solution,
         start,

@@ -5,6 +5,9 @@ use crate::measure::Row;
 use crate::model::{Geometry, Mechanism, Posture};
 use rayon::prelude::*;
 
+/// Whitened residual, in units of noise and of the median posture's, above which a posture stands out.
+const OUTLYING: f64 = 5.0;
+
 /// Size of a set of errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
@@ -38,6 +41,30 @@ pub struct Fit {
     pub weighted_rms: f64,
     /// Samples that took part.
     pub samples: usize,
+}
+
+/// A posture whose prediction stands out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outlier {
+    /// The sample.
+    pub name: String,
+    /// Root mean square of its whitened residuals.
+    pub weighted_rms: f64,
+}
+
+/// Postures whose whitened residual is above 5, and above 5 times the median one: worst first.
+pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Vec<Outlier> {
+    let mut found: Vec<Outlier> = samples
+        .par_iter()
+        .filter_map(|sample| {
+            let fit = score(mechanism, geometry, std::slice::from_ref(sample))?;
+            Some(Outlier { name: sample.name.clone(), weighted_rms: fit.weighted_rms })
+        })
+        .collect();
+    found.sort_by(|a, b| b.weighted_rms.total_cmp(&a.weighted_rms).then_with(|| a.name.cmp(&b.name)));
+    let median = found.get(found.len() / 2).map_or(0.0, |outlier| outlier.weighted_rms);
+    found.retain(|outlier| outlier.weighted_rms > OUTLYING * median.max(1.0));
+    found
 }
 
 /// Scores the geometry; `None` where no sample closes.
