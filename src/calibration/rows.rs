@@ -7,24 +7,17 @@ use crate::measure::Row;
 use crate::model::{Mechanism, Posture};
 use nalgebra::Vector3;
 
-/// A residual's derivative by the tool twist of one limb, rad and m.
-#[derive(Clone, Copy, Default)]
-struct ByLimb {
-    w: Vector3<f64>,
-    v: Vector3<f64>,
-}
+/// Rows handled together.
+const LANES: usize = 6;
 
-impl ByLimb {
-    fn new([a, b, c, d, e, f]: [f64; 6]) -> Self {
-        Self { w: Vector3::new(a, b, c), v: Vector3::new(d, e, f) }
-    }
-}
+/// Derivatives of up to six residuals by a twist, one array a component: rad first, then m.
+type Lanes = [[f64; LANES]; 6];
 
 /// Writes rows posture by posture; holds what it needs from one to the next.
 #[derive(Default)]
 pub struct RowWriter {
-    by_limb: Vec<ByLimb>,
-    at_link: Vec<ByLimb>,
+    /// By the twist of one limb's tool, six rows at a time.
+    by_limb: Vec<Lanes>,
 }
 
 impl RowWriter {
@@ -44,16 +37,12 @@ impl RowWriter {
     ) {
         let tool = posture.tool().p;
         let open = posture.is_open_chain(mechanism);
-        self.by_limb.resize(rows.len(), ByLimb::default());
-        self.at_link.resize(rows.len(), ByLimb::default());
         let (mut frame, mut wrench) = (0, 0);
         for ((limb, drawn), split) in coordinates.limbs.iter().zip(&mechanism.limbs).zip(&posture.splits) {
-            for (by, row) in self.by_limb.iter_mut().zip(rows) {
-                *by = ByLimb::new(match open {
-                    true => row.by_tool,
-                    false => through_wrenches(posture, row, wrench, split.wrenches()),
-                });
-            }
+            self.gather(rows, |row| match open {
+                true => row.by_tool,
+                false => through_wrenches(posture, row, wrench, split.wrenches()),
+            });
             let frames = &posture.frames[frame..frame + drawn.links.len()];
             self.write_limb(limb, frames, &tool, &mut out);
             frame += drawn.links.len();
@@ -74,38 +63,58 @@ impl RowWriter {
         rows: &[Row],
         mut out: RowBlock<'_>,
     ) {
-        self.by_limb.clear();
-        self.by_limb.extend(rows.iter().map(|row| ByLimb::new(row.by_tool)));
-        self.at_link.resize(rows.len(), ByLimb::default());
+        self.gather(rows, |row| row.by_tool);
         self.write_limb(limb, frames, tool, &mut out);
         for (entry, row) in out.column(limb.slice.len()).iter_mut().zip(rows) {
             *entry = row.r;
         }
     }
 
+    fn gather(&mut self, rows: &[Row], by_limb: impl Fn(&Row) -> [f64; 6]) {
+        self.by_limb.clear();
+        for group in rows.chunks(LANES) {
+            let mut lanes = [[0.0; LANES]; 6];
+            for (k, row) in group.iter().enumerate() {
+                for (lane, value) in lanes.iter_mut().zip(by_limb(row)) {
+                    lane[k] = value;
+                }
+            }
+            self.by_limb.push(lanes);
+        }
+    }
+
     fn write_limb(
-        &mut self,
+        &self,
         limb: &LimbCoordinates,
         frames: &[Se3],
         tool: &Vector3<f64>,
         out: &mut RowBlock<'_>,
     ) {
-        let mut link = usize::MAX;
-        for (k, &component) in limb.slice.iter().enumerate() {
-            let g = &frames[component / 6];
-            if component / 6 != link {
-                link = component / 6;
-                let lever = tool - g.p;
-                for (at, by) in self.at_link.iter_mut().zip(&self.by_limb) {
-                    *at = ByLimb { w: by.w + lever.cross(&by.v), v: by.v };
+        for (group, by) in self.by_limb.iter().enumerate() {
+            let mut link = usize::MAX;
+            let mut at = *by;
+            for (k, &component) in limb.slice.iter().enumerate() {
+                let g = &frames[component / 6];
+                if component / 6 != link {
+                    link = component / 6;
+                    let lever = tool - g.p;
+                    for i in 0..LANES {
+                        at[0][i] = by[0][i] + lever.y * by[5][i] - lever.z * by[4][i];
+                        at[1][i] = by[1][i] + lever.z * by[3][i] - lever.x * by[5][i];
+                        at[2][i] = by[2][i] + lever.x * by[4][i] - lever.y * by[3][i];
+                    }
                 }
-            }
-            let axis = Vector3::from(g.r.column(component % 3));
-            let column = out.column(limb.slice_offset + k).iter_mut().zip(&self.at_link);
-            if component % 6 < 3 {
-                column.for_each(|(entry, at)| *entry = at.w.dot(&axis));
-            } else {
-                column.for_each(|(entry, at)| *entry = at.v.dot(&axis));
+                let axis = g.r.column(component % 3);
+                let first = component % 6 / 3 * 3;
+                let (x, y, z) = (&at[first], &at[first + 1], &at[first + 2]);
+                let (a, b, c) = (axis[0], axis[1], axis[2]);
+                let entry = |i: usize| x[i] * a + y[i] * b + z[i] * c;
+                let column = &mut out.column(limb.slice_offset + k)[group * LANES..];
+                match <&mut [f64; LANES]>::try_from(&mut *column) {
+                    // A whole pose: a fixed length is what vector instructions need.
+                    Ok(six) => *six = std::array::from_fn(entry),
+                    Err(_) => column.iter_mut().take(LANES).enumerate().for_each(|(i, e)| *e = entry(i)),
+                }
             }
         }
     }
