@@ -6,7 +6,7 @@ use super::rows::RowWriter;
 use super::sample::{Sample, SetAside};
 use crate::linalg::{self, RowBlock, RowStream};
 use crate::measure::Row;
-use crate::model::{Geometry, Mechanism, Posture};
+use crate::model::{Geometry, Mechanism, NotClosed, Posture};
 use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
@@ -39,25 +39,35 @@ impl<'a> Calibration<'a> {
         let (params, groups) = (coordinates.params(mechanism), coordinates.groups(mechanism));
         let mut problem =
             Self { mechanism, coordinates, starts: Vec::new(), set_aside: Vec::new(), params, groups };
-        problem.take_back(samples, at);
+        problem.take_back(samples, at, 0.0);
         problem
     }
 
-    /// Closes every sample anew at deviations `at`. Returns how many were set aside before and no longer are.
-    pub fn take_back(&mut self, samples: &'a [Sample], at: &[f64]) -> usize {
+    /// Closes every sample anew at deviations `at` (rad, m) and sets aside those that do not close, and those whose
+    /// wrench matrix has a ratio of extreme singular values below `least`.
+    pub fn take_back(&mut self, samples: &'a [Sample], at: &[f64], least: f64) {
         let geometry = self.mechanism.deviated(at);
+        let close = |posture: &mut Posture, sample: &Sample| {
+            sample.close(self.mechanism, &geometry, posture)?;
+            match if least > 0.0 { posture.regularity() } else { 1.0 } {
+                smallest if smallest < least => Err(NotClosed::Singular { smallest }),
+                _ => Ok(posture.passive(self.mechanism)),
+            }
+        };
         let closed: Vec<Result<Vec<f64>, SetAside>> = samples
             .par_iter()
             .enumerate()
             .map_init(
                 || Posture::new(self.mechanism),
-                |posture, (index, sample)| match sample.close(self.mechanism, &geometry, posture) {
-                    Ok(()) => Ok(posture.passive(self.mechanism)),
-                    Err(reason) => Err(SetAside { sample: index, name: sample.name.clone(), reason }),
+                |posture, (index, sample)| {
+                    close(posture, sample).map_err(|reason| SetAside {
+                        sample: index,
+                        name: sample.name.clone(),
+                        reason,
+                    })
                 },
             )
             .collect();
-        let before: Vec<usize> = self.set_aside.iter().map(|s| s.sample).collect();
         self.starts.clear();
         self.set_aside.clear();
         for (sample, outcome) in samples.iter().zip(closed) {
@@ -66,7 +76,6 @@ impl<'a> Calibration<'a> {
                 Err(set_aside) => self.set_aside.push(set_aside),
             }
         }
-        before.iter().filter(|&&index| !self.set_aside.iter().any(|s| s.sample == index)).count()
     }
 
     /// Samples that take no part, and why.

@@ -165,10 +165,15 @@ impl Summary<'_> {
             let names: Vec<&str> = found.set_aside.iter().map(|s| s.name.as_str()).collect();
             warnings.push(format!("{} postures took no part: {}", names.len(), names.join(", ")));
         }
-        let taken_back = found.set_aside_at_start.len().saturating_sub(found.set_aside.len());
-        if taken_back > 0 {
-            warnings
-                .push(format!("{taken_back} postures that the nominal machine cannot reach were taken back"));
+        let left_out = |name: &str| found.set_aside.iter().any(|s| s.name == name);
+        let at_start = found.set_aside_at_start.iter().map(|s| s.name.as_str());
+        let taken_back: Vec<&str> = at_start.filter(|name| !left_out(name)).collect();
+        if !taken_back.is_empty() {
+            warnings.push(format!(
+                "{} postures that the nominal machine cannot reach were set aside at first and taken back: {}",
+                taken_back.len(),
+                taken_back.join(", ")
+            ));
         }
         let scored = self.holdout.1.map_or(0, |fit| fit.samples);
         if scored < self.held_out {
@@ -208,6 +213,13 @@ impl Summary<'_> {
             warnings.push(format!(
                 "{} is nearly singular: the wrench matrix has singular values {:.2e} to {:.2e}",
                 near.name, near.singular_values[0], near.singular_values[5]
+            ));
+        }
+        if !found.other_mode.is_empty() {
+            warnings.push(format!(
+                "{} postures were measured in another assembly mode than that of home, which predictions follow: {}",
+                found.other_mode.len(),
+                found.other_mode.join(", ")
             ));
         }
         if let Some(counts) = found.counts()

@@ -75,6 +75,8 @@ pub struct Identification {
     pub near_singular: Vec<NearSingular>,
     /// Samples that the result predicts far worse than the others, worst first.
     pub outliers: Vec<Outlier>,
+    /// Samples that were measured beyond a singularity, as seen from home.
+    pub other_mode: Vec<String>,
     /// Prediction of the training samples by the drawing (free ends registered) and by the result.
     pub fit: (Option<Fit>, Option<Fit>),
     /// Number of residuals.
@@ -117,6 +119,14 @@ pub fn identify(
             .next()
             .map_or(IdentifyError::NoSamples, IdentifyError::NoneCloses));
     }
+    // Near a singularity the nominal pose may be far from the measured one, or on another branch: such postures wait
+    // until the others have been identified from.
+    if !Posture::new(&start).is_open_chain(&start) {
+        problem.take_back(samples_in_form, &at, NEAR_SINGULAR);
+    }
+    if problem.sample_count() == 0 {
+        problem.take_back(samples_in_form, &at, 0.0);
+    }
     let mut x = vec![0.0; problem.params().len()];
     let mut trace = Vec::new();
     let mut report;
@@ -131,7 +141,7 @@ pub fn identify(
         x.copy_from_slice(&report.x);
         at = problem.coordinates().deviations(&x);
         let before: Vec<usize> = problem.set_aside().iter().map(|s| s.sample).collect();
-        problem.take_back(samples_in_form, &at);
+        problem.take_back(samples_in_form, &at, 0.0);
         let same = problem.set_aside().iter().map(|s| s.sample).eq(before);
         if same || round == ROUNDS || problem.sample_count() == 0 {
             break;
@@ -141,12 +151,14 @@ pub fn identify(
     let visibility_at = |at: &[f64]| visibility(&start, samples, at).ok();
     let at_solution = visibility_at(&at);
     let std = at_solution.as_ref().and_then(|v| standard_errors(drawn, &start, &at, v, report.estimate));
+    let (near_singular, other_mode) = singularities(&start, &geometry, samples);
     Ok(Identification {
         fit: (score(&start, &start.nominal(), samples), score(&start, &geometry, samples)),
         nominal: visibility_at(&vec![0.0; at.len()]),
         deviations: geometry.deviations_from(&drawn.nominal()),
         rows: problem.rows(),
-        near_singular: near_singular(&start, &geometry, samples),
+        near_singular,
+        other_mode,
         outliers: outliers(&start, &geometry, samples),
         set_aside: problem.set_aside().to_vec(),
         visibility: at_solution,
@@ -159,22 +171,30 @@ pub fn identify(
     })
 }
 
-/// Postures whose wrench matrix is close to losing rank.
-fn near_singular(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Vec<NearSingular> {
+/// Postures whose wrench matrix is close to losing rank, and those with another sign of its determinant than home.
+fn singularities(
+    mechanism: &Mechanism,
+    geometry: &Geometry,
+    samples: &[Sample],
+) -> (Vec<NearSingular>, Vec<String>) {
     let mut posture = Posture::new(mechanism);
     if posture.is_open_chain(mechanism) {
-        return Vec::new();
+        return Default::default();
     }
-    let mut found = Vec::new();
+    let home = posture.close(mechanism, geometry).ok().map(|()| posture.mode);
+    let (mut near, mut other_mode) = (Vec::new(), Vec::new());
     for sample in samples {
         if sample.close(mechanism, geometry, &mut posture).is_ok() {
             let singular_values = posture.wrench_singular_values();
             if singular_values[5] < NEAR_SINGULAR * singular_values[0] {
-                found.push(NearSingular { name: sample.name.clone(), singular_values });
+                near.push(NearSingular { name: sample.name.clone(), singular_values });
+            }
+            if home.is_some_and(|mode| mode != posture.mode) {
+                other_mode.push(sample.name.clone());
             }
         }
     }
-    found
+    (near, other_mode)
 }
 
 /// Weight of the prior on a direction of singular value `s`; `None` where linear theory does not apply.

@@ -185,6 +185,12 @@ impl Posture {
         s
     }
 
+    /// Ratio of the extreme singular values of the wrench matrix: 0 at a singularity, at most 1.
+    pub fn regularity(&self) -> f64 {
+        let s = self.wrench_singular_values();
+        s[5] / s[0]
+    }
+
     /// Twists of the passive joints of each limb at the joint variables as set, lengths in machine sizes.
     pub fn passive_jacobians(&mut self, mechanism: &Mechanism, geometry: &Geometry) -> Vec<Vec<[f64; 6]>> {
         self.place(mechanism, geometry);
