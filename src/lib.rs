@@ -28,6 +28,7 @@
 //! ```
 //! use gough::files::{DataPlaces, read_problem};
 //! use gough::identify::{identify, score::score};
+//! use gough::model::Geometry;
 //! use gough::solve::{Stop, registry};
 //!
 //! // A tripod with 60 measured poses, and 40 more that take no part.
@@ -37,7 +38,9 @@
 //! assert!(found.report.outcome.converged());
 //!
 //! // Position errors of the drawing and of the identified machine, rms in m.
-//! let holdout = |geometry: &gough::model::Geometry| score(&found.start, geometry, &problem.holdout.samples).and_then(|fit| fit.position);
+//! let holdout = |machine: &Geometry| {
+//!     score(&found.start, machine, &problem.holdout.samples).and_then(|fit| fit.position)
+//! };
 //! let before = holdout(&found.start.nominal()).ok_or("no hold-out")?.rms;
 //! let after = holdout(&found.geometry).ok_or("no hold-out")?.rms;
 //! assert!(before > 1e-3 && after < 1e-5);

@@ -9,7 +9,7 @@ use faer::Mat;
 
 /// `min |r(x)|^2 / 2 + |A'x|^2 / 2`, the columns of `A` the directions whose signal-to-noise ratio is low, times the
 /// root of [`prior_weight`]: without them flat valleys of a machine are followed for hundreds of steps that mean
-/// nothing (docs/theory.md section 5).
+/// nothing (docs/theory.md section 6).
 pub struct Anchored<'p> {
     inner: &'p dyn Problem,
     /// `A'`, one row a direction.
