@@ -26,6 +26,8 @@ pub struct DampedStep {
     pub slope: f64,
     /// The damping.
     pub damping: f64,
+    /// Whether the damping is the least possible.
+    pub undamped: bool,
 }
 
 /// Column norms of the Jacobian, n.
@@ -48,7 +50,10 @@ pub fn raise_scale(scale: &mut Vec<f64>, jac: &Mat<f64>) {
 /// The step for one damping, by QR of `[J r; sqrt(damping) D 0]`; `None` where it is not finite.
 pub fn damped_step(here: &Compressed, scale: &[f64], damping: f64) -> Option<DampedStep> {
     let (k, n) = (here.jac.nrows(), here.jac.ncols());
-    let damping = damping.max(LEAST_DAMPING);
+    // The least damping counts by columns, which a scale of ones does not know.
+    let least = column_norms(&here.jac).iter().zip(scale).fold(1.0f64, |a, (c, d)| a.max(c / d)).powi(2);
+    let least = LEAST_DAMPING * if least.is_finite() { least } else { 1.0 };
+    let (damping, undamped) = (damping.max(least), damping <= least);
     let root = damping.sqrt();
     let mut augmented = Mat::zeros(k + n, n + 1);
     augmented.as_mut().submatrix_mut(0, 0, k, n).copy_from(&here.jac);
@@ -85,7 +90,14 @@ pub fn damped_step(here: &Compressed, scale: &[f64], damping: f64) -> Option<Dam
     }
     let slope = w.iter().map(|v| v * v).sum();
     // |r|^2 - |J dx + r|^2 = |J dx|^2 + 2 damping |D dx|^2 at the minimiser: no cancellation (Moré 1978, (4.4)).
-    Some(DampedStep { dx, predicted: 0.5 * along * along + (root * length).powi(2), length, slope, damping })
+    Some(DampedStep {
+        dx,
+        predicted: 0.5 * along * along + (root * length).powi(2),
+        length,
+        slope,
+        damping,
+        undamped,
+    })
 }
 
 /// The damped step whose length `|D dx|` is `radius` to 10 %, or the least damped one where that is shorter.

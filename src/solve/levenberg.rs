@@ -26,8 +26,8 @@ const TRIALS: usize = 60;
 /// Cosine between residual and Jacobian above which a point is certainly not stationary.
 const NOT_STATIONARY: f64 = 1e-4;
 
-/// Levenberg-Marquardt after Moré 1978: running column norms as scale, a radius that follows the gain ratio, and
-/// the damping that belongs to the radius.
+/// Levenberg-Marquardt after Moré 1978: running column norms as scale (tolerances where the coordinates have them),
+/// a radius that follows the gain ratio, and the damping that belongs to the radius.
 ///
 /// Where the reduction of the cost drowns in rounding, a step is judged by the next step instead (the idea of
 /// Hager and Zhang 2005, section 2.1): that is what carries the solution to the last digits.
@@ -167,7 +167,10 @@ impl<'p> Solver<&'p dyn Problem, LevenbergState> for LevenbergMarquardt {
         mut state: LevenbergState,
     ) -> Result<(LevenbergState, Option<KV>), Error> {
         let x = state.take_param().ok_or_else(|| Error::msg("no starting point"))?;
-        match problem.problem("jacobian_count", |p| Ok(compress_finite(*p, &x)))? {
+        let at_start = |p: &&dyn Problem| Ok((p.has_prior(), compress_finite(*p, &x)));
+        let (tolerances, start) = problem.problem("jacobian_count", at_start)?;
+        self.region = Region::new(tolerances);
+        match start {
             Ok(here) => {
                 self.outcome = self.stationary(&here);
                 self.region.see(&here);

@@ -20,11 +20,13 @@ pub struct Region {
     radius: Option<f64>,
     damping: f64,
     scale: Vec<f64>,
+    /// Whether coordinates count in tolerances, which need no other scale.
+    tolerances: bool,
 }
 
 impl Default for Region {
     fn default() -> Self {
-        Self { radius: None, damping: FIRST_DAMPING, scale: Vec::new() }
+        Self { radius: None, damping: FIRST_DAMPING, scale: Vec::new(), tolerances: false }
     }
 }
 
@@ -34,9 +36,22 @@ impl Region {
         self.radius.unwrap_or(f64::INFINITY)
     }
 
+    /// A region for coordinates in tolerances, or else in units that only the Jacobian knows.
+    pub fn new(tolerances: bool) -> Self {
+        Self { tolerances, ..Self::default() }
+    }
+
     /// Raises the scale to the column norms of a new Jacobian.
+    ///
+    /// Coordinates in tolerances stay as they are: far from the solution a posture near a singularity has columns
+    /// so long that a region shaped by them reaches hundreds of tolerances along the weak directions, to where
+    /// loops no longer close.
     pub fn see(&mut self, here: &Compressed) {
-        raise_scale(&mut self.scale, &here.jac);
+        if self.tolerances {
+            self.scale = vec![1.0; here.jac.ncols()];
+        } else {
+            raise_scale(&mut self.scale, &here.jac);
+        }
     }
 
     /// The step within the radius, which at the start is the length of the point itself.
@@ -67,7 +82,7 @@ impl Region {
             // The minimiser of the parabola through both costs and the slope, within [0.1, 0.5].
             let least = 1.0 / (2.0 * (1.0 - ratio.max(-1e3)));
             radius * least.clamp(0.1, 0.5)
-        } else if ratio >= 0.75 || step.damping <= LEAST_DAMPING {
+        } else if ratio >= 0.75 || step.undamped {
             2.0 * step.length
         } else {
             radius

@@ -36,6 +36,10 @@ impl Problem for Ridged<'_> {
         self.inner.groups()
     }
 
+    fn has_prior(&self) -> bool {
+        self.inner.has_prior()
+    }
+
     fn residual(&self, x: &[f64]) -> Result<Vec<f64>, EvalError> {
         let mut r = self.inner.residual(x)?;
         r.extend(x.iter().map(|v| self.root * v));
