@@ -220,7 +220,7 @@ fn from_afar(problem: &ProblemFile, identifier: &dyn Identifier, seed: u64) -> G
         if set_aside == 0 {
             return machine.deviated(&at);
         }
-        calibration.take_back(samples, &at);
+        calibration.take_back(samples, &at, 0.0);
     }
     panic!("{} {}: postures stay set aside", problem.name, identifier.name());
 }

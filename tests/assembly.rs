@@ -152,14 +152,14 @@ fn the_result_names_the_postures() {
     samples.push(lost);
     let (problem, out) = (write(folder.path(), "wide.json", &value), folder.path().join("result.json"));
     let ran = gough("identify {0} -o {1}", &[&problem, &out]);
-    assert!(ran.status == 0 && ran.stderr.is_empty(), "{ran:?}");
+    assert!(ran.status == 0, "{ran:?}");
     let result = json(&out);
     for warning in [
         "1 postures took no part: sample 63",
         "2 postures that the nominal machine cannot reach were set aside at first and taken back: \
          sample 61, sample 62",
     ] {
-        assert!(ran.stdout.contains(&format!("warning: {warning}\n")), "{}", ran.stdout);
+        assert!(ran.stderr.contains(&format!("warning: {warning}\n")), "{}", ran.stderr);
         assert!(result["warnings"].as_array().unwrap().contains(&json!(warning)), "{}", result["warnings"]);
     }
     assert_eq!(result["set_aside"][0]["sample"], "sample 63");

@@ -39,7 +39,7 @@ fn before_and_after(
     let folder = tempfile::tempdir().unwrap();
     let (problem, out) = (file(problem), folder.path().join("result.json"));
     let ran = ran(command().arg("identify").arg(&problem).arg("--data-dir").arg(data).arg("-o").arg(&out));
-    assert!(ran.status == 0 && ran.stderr.is_empty(), "{ran:?}");
+    assert!(ran.status == 0, "{ran:?}");
     eprintln!("{}", ran.stdout);
     let samples: Vec<Value> = readings.iter().map(|row| json!({"actuators": row})).collect();
     let readings = write(folder.path(), "readings.json", &json!({"samples": samples}));

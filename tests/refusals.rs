@@ -275,9 +275,9 @@ fn too_few_poses_are_a_warning() {
     few["data"]["samples"].as_array_mut().unwrap().truncate(5);
     let (problem, out) = (write(folder.path(), "few.json", &few), folder.path().join("out.json"));
     let ran = gough(IDENTIFY, &[&problem, &out]);
-    assert!(ran.status == 0 && ran.stderr.is_empty(), "{ran:?}");
+    assert!(ran.status == 0, "{ran:?}");
     let warning = "30 readings for 138 parameters: what they do not determine stays at nominal";
-    assert!(ran.stdout.contains(&format!("warning: {warning}")), "{}", ran.stdout);
+    assert!(ran.stderr.contains(&format!("warning: {warning}")), "{}", ran.stderr);
     assert!(json(&out)["warnings"][0].as_str().unwrap().contains(warning));
 }
 
@@ -292,6 +292,6 @@ fn not_converging_is_status_1_and_the_result_says_so() {
     assert_eq!(result["converged"], false);
     let reason = result["reason"].as_str().unwrap();
     assert!(reason.contains("diverged") || reason.contains("left the region"), "{reason}");
-    assert!(ran.stdout.contains(&format!("warning: not converged: {reason}")), "{}", ran.stdout);
+    assert!(ran.stderr.contains(&format!("warning: not converged: {reason}")), "{}", ran.stderr);
     assert!(result["warnings"][0].as_str().unwrap().contains("not converged"), "{}", result["warnings"]);
 }
