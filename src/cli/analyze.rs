@@ -110,14 +110,11 @@ fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibi
         let angular = limb.joints.iter().filter(|joint| joint.motion.is_angular()).count();
         let prismatic = limb.joints.len() - angular;
         let held = own.sigma.len() - own.free.len();
-        let without = if held > 0 { format!(", {held} components held") } else { String::new() };
-        text.push_str(&format!(
-            "         {}: {} of 4*{angular} + 2*{prismatic} + 6 - {} passive = {}{without}\n",
-            limb.name,
-            own.slice.len(),
-            limb.passive_count(),
-            4 * angular + 2 * prismatic + 6 - limb.passive_count(),
-        ));
+        let sum = format!("4*{angular} + 2*{prismatic} + 6 - {} passive", limb.passive_count());
+        text.push_str(&match held {
+            0 => format!("         {}: {} = {sum}\n", limb.name, own.slice.len()),
+            _ => format!("         {}: {} of {sum}, {held} components held\n", limb.name, own.slice.len()),
+        });
     }
     text.push_str(&format!(
         "{:>5}  first order: rank at the nominal geometry over these postures; {} combinations have no \
