@@ -11,6 +11,8 @@ use faer::{Mat, MatMut};
 
 /// Nearness to a limit or to zero, in units of the program, at which a candidate counts as there.
 const NEAR: f64 = 1e-6;
+/// The same for the zero of a group: a cone's tip is found less exactly, and what is held there wrongly is released.
+const NEAR_TIP: f64 = 1e-4;
 /// Move, relative to the point, after which it counts as settled.
 const SETTLED: f64 = 1e-13;
 /// Proximal weight, relative to the squared column norms, that keeps the factor of a deficient Jacobian regular.
@@ -51,7 +53,7 @@ pub fn polish(
         let before = u.clone();
         newton(model, here, &quadratic, &free, &mut u)?;
         // Multipliers belong to the minimiser on the set, before it is cut back: the primal-dual active set method.
-        let freed = release(model, here, &mut set, &mut u)?;
+        let freed = release(model, here, &mut set, &mut u);
         let grown = hold(model, &mut set, &before, &mut u);
         let moved = u.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         if !freed && !grown && (moved <= SETTLED * norm(&u) || moved > 0.5 * last) {
@@ -80,7 +82,8 @@ fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
     let mut cone = vec![false; model.groups.len()];
     for (g, group) in model.groups.iter().enumerate() {
         let reach = length(u, group);
-        if model.penalty.group > 0.0 && reach <= NEAR * group.members.iter().map(size).fold(0.0, f64::max) {
+        if model.penalty.group > 0.0 && reach <= NEAR_TIP * group.members.iter().map(size).fold(0.0, f64::max)
+        {
             group.members.iter().for_each(|&i| u[i] = 0.0);
             zero[g] = true;
         }
@@ -248,6 +251,13 @@ fn hold(model: &Model, set: &mut ActiveSet, before: &[f64], u: &mut [f64]) -> bo
         }
     }
     for (g, group) in model.groups.iter().enumerate() {
+        // A length has a kink at zero: a step beyond it believed in a slope that ends there.
+        let along: f64 = group.members.iter().map(|&i| before[i] * u[i]).sum();
+        if model.penalty.group > 0.0 && !set.zero[g] && along < 0.0 {
+            group.members.iter().for_each(|&i| u[i] = 0.0);
+            set.zero[g] = true;
+            grown = true;
+        }
         if set.cone[g] || length(u, group) > model.limits.cone {
             grown |= !set.cone[g];
             set.cone[g] = true;
@@ -262,9 +272,8 @@ fn hold(model: &Model, set: &mut ActiveSet, before: &[f64], u: &mut [f64]) -> bo
     grown
 }
 
-/// Frees what its multiplier does not hold; whether anything was. `None` where a group would have to leave zero:
-/// the direction is the program's to find.
-fn release(model: &Model, here: &Here, set: &mut ActiveSet, u: &mut [f64]) -> Option<bool> {
+/// Frees what its multiplier does not hold; whether anything was.
+fn release(model: &Model, here: &Here, set: &mut ActiveSet, u: &mut [f64]) -> bool {
     let gradient = model.program_gradient(here, u);
     let measure = model.program_measure(here, u);
     let stationarity = model.program_stationarity(here, u);
@@ -289,12 +298,17 @@ fn release(model: &Model, here: &Here, set: &mut ActiveSet, u: &mut [f64]) -> Op
         let pull = group.members.iter().map(|&i| gradient[i].powi(2)).sum::<f64>().sqrt();
         let tolerance = group.members.iter().map(|&i| SIGN * measure[i]).fold(0.0, f64::max);
         if set.zero[g] && pull > model.penalty.group + tolerance {
-            return None;
+            // A proximal gradient step: down the steepest descent, no farther than the group's own curvature allows.
+            let square: f64 = group.members.iter().map(|&i| here.jac.col(i).squared_norm_l2()).sum();
+            let step = (1.0 - model.penalty.group / pull) / (square + model.penalty.ridge);
+            group.members.iter().for_each(|&i| u[i] = -step * gradient[i]);
+            set.zero[g] = false;
+            freed = true;
         }
         if set.cone[g] && stationarity.cones.iter().any(|(index, m)| *index == g && *m == 0.0) {
             set.cone[g] = false;
             freed = true;
         }
     }
-    Some(freed)
+    freed
 }

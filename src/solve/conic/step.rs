@@ -106,8 +106,13 @@ impl Model<'_> {
 
     /// The best step from `here`, at most `radius` long where one is given.
     pub fn step(&self, here: &Here, radius: Option<f64>) -> Result<Step, NoStep> {
+        self.step_near(here, radius, &here.x)
+    }
+
+    /// The same, where `near` is a point whose active set may be that of the solution.
+    pub fn step_near(&self, here: &Here, radius: Option<f64>, near: &[f64]) -> Result<Step, NoStep> {
         let frame = Frame { here, unit: self.units(here, radius) };
-        if let Some(step) = self.warm(&frame, radius) {
+        if let Some(step) = self.warm(&frame, radius, near) {
             return Ok(step);
         }
         let mut working = self.loss.working_set(here);
@@ -144,11 +149,11 @@ impl Model<'_> {
         })
     }
 
-    /// The step on the active set of the point itself, if it satisfies the program's conditions: those are
-    /// sufficient, the program being convex, so that clarabel need not be asked. Near a solution it never is.
-    fn warm(&self, frame: &Frame, radius: Option<f64>) -> Option<Step> {
+    /// The step on the active set of `near`, if it satisfies the program's conditions: those are sufficient, the
+    /// program being convex, so that clarabel need not be asked. Near a solution it never is.
+    fn warm(&self, frame: &Frame, radius: Option<f64>, near: &[f64]) -> Option<Step> {
         let here = frame.here;
-        let u = polish(self, here, &here.x, &frame.unit, WARM_PASSES)?;
+        let u = polish(self, here, near, &frame.unit, WARM_PASSES)?;
         let length = trust::length(self.metric, &here.x, &u);
         let inside = self.limits.violation(&u, self.groups) <= 1e-14 * linalg::norm(&u).max(1.0);
         let solved = inside

@@ -5,6 +5,7 @@ use super::huber::complement;
 use super::step::Model;
 use crate::problem::Problem;
 use crate::solve::report::WeightPoint;
+use rayon::prelude::*;
 
 /// How the weight is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +32,7 @@ impl std::fmt::Display for WeightRule {
 const FOLDS: usize = 5;
 
 /// Weights tried: half decades about 1, where data and tolerance weigh the same.
-fn grid() -> impl Iterator<Item = f64> {
+fn grid() -> impl DoubleEndedIterator<Item = f64> {
     (-8..=8).map(|half_decade| 10f64.powf(0.5 * f64::from(half_decade)))
 }
 
@@ -46,15 +47,19 @@ pub fn choose<'a>(
         return Ok((weight, Vec::new()));
     }
     let rows = Here::at(problem, x, true)?;
+    let m = rows.r.len();
+    let mut near = vec![vec![0.0; x.len()]; FOLDS];
     let mut curve = Vec::new();
-    for weight in grid() {
+    // From the largest weight, under which next to nothing is off nominal: each solution is near the one before.
+    for weight in grid().rev() {
         let model = with(weight);
         let score = match rule {
-            WeightRule::CrossValidation => left_out(&model, &rows)?,
-            _ => left_over(&model, &rows)?,
+            WeightRule::CrossValidation => left_out(&model, &rows, &mut near)?,
+            _ => left_over(&model, &rows, &mut near[0])?,
         };
-        curve.push(WeightPoint { weight, score });
+        curve.push(WeightPoint { weight, score: score / m as f64 });
     }
+    curve.reverse();
     let best = match rule {
         WeightRule::CrossValidation => curve.iter().min_by(|a, b| a.score.total_cmp(&b.score)),
         _ => curve.iter().rev().find(|point| point.score <= 1.0).or(curve.first()),
@@ -62,26 +67,30 @@ pub fn choose<'a>(
     best.map(|point| point.weight).ok_or_else(|| "no weight was tried".into()).map(|weight| (weight, curve))
 }
 
-/// Mean cost of rows that took no part in the fit, twice, so that it is a mean square for least squares.
-fn left_out(model: &Model, rows: &Here) -> Result<f64, String> {
+/// Cost of rows that took no part in the fit, twice, so that it is a sum of squares for least squares.
+fn left_out(model: &Model, rows: &Here, near: &mut [Vec<f64>]) -> Result<f64, String> {
     let m = rows.r.len();
     let folds = FOLDS.min(m).max(1);
-    let mut total = 0.0;
-    for fold in 0..folds {
+    let of_fold = |(fold, near): (usize, &mut Vec<f64>)| {
         let held: Vec<usize> = (fold * m / folds..(fold + 1) * m / folds).collect();
-        let u = model.step(&part(model, rows, &complement(&held, m)), None).map_err(|why| why.0)?.u;
-        let predicted = rows.predict(&u);
+        *near = fit(model, rows, &complement(&held, m), near)?;
+        let predicted = rows.predict(near);
         let residual: Vec<f64> = held.iter().map(|&i| predicted[i]).collect();
-        total += 2.0 * model.loss.merit(&residual);
-    }
-    Ok(total / m as f64)
+        Ok(2.0 * model.loss.merit(&residual))
+    };
+    let costs: Result<Vec<f64>, String> = near[..folds].par_iter_mut().enumerate().map(of_fold).collect();
+    Ok(costs?.iter().sum())
 }
 
-/// Mean square of the residual that the fit leaves.
-fn left_over(model: &Model, rows: &Here) -> Result<f64, String> {
+/// Sum of squares of the residual that the fit leaves.
+fn left_over(model: &Model, rows: &Here, near: &mut Vec<f64>) -> Result<f64, String> {
     let all: Vec<usize> = (0..rows.r.len()).collect();
-    let u = model.step(&part(model, rows, &all), None).map_err(|why| why.0)?.u;
-    Ok(rows.predict(&u).iter().map(|v| v * v).sum::<f64>() / rows.r.len() as f64)
+    *near = fit(model, rows, &all, near)?;
+    Ok(rows.predict(near).iter().map(|v| v * v).sum())
+}
+
+fn fit(model: &Model, rows: &Here, chosen: &[usize], near: &[f64]) -> Result<Vec<f64>, String> {
+    model.step_near(&part(model, rows, chosen), None, near).map(|step| step.u).map_err(|why| why.0)
 }
 
 fn part(model: &Model, rows: &Here, chosen: &[usize]) -> Here {
