@@ -1,6 +1,6 @@
 //! `gough analyze`: what poses can reveal.
 
-use super::command::Ending;
+use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
 use crate::calibration::{Coordinates, Sample};

@@ -1,6 +1,6 @@
 //! `gough identify`: the main job.
 
-use super::command::Ending;
+use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
 use super::summary::{Summary, summary};

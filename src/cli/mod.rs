@@ -1,7 +1,7 @@
 //! The command line: one file a command.
 
 pub mod analyze;
-pub mod command;
+pub mod dispatch;
 pub mod error;
 pub mod identify;
 pub mod predict;
@@ -10,4 +10,4 @@ pub mod simulate;
 pub mod solvers;
 pub mod summary;
 
-pub use command::run;
+pub use dispatch::run;

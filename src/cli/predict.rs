@@ -1,6 +1,6 @@
 //! `gough predict`: forward kinematics.
 
-use super::command::Ending;
+use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
 use crate::files::{Output, PosesFormat, poses_text, read_actuators, read_model};

@@ -1,6 +1,6 @@
 //! `gough simulate`: a benchmark problem with known truth.
 
-use super::command::Ending;
+use super::dispatch::Ending;
 use super::error::CliError;
 use crate::files::{
     DataDrawing, DataPlaces, Kind, Output, ProblemFile, SampleDrawing, json, noise::NoiseDrawing,

@@ -1,6 +1,6 @@
 //! `gough solvers`.
 
-use super::command::Ending;
+use super::dispatch::Ending;
 use super::error::CliError;
 use crate::files::Output;
 use crate::solve::registry;
