@@ -1,7 +1,7 @@
 //! `gough`: parse, run, print one error, set the exit status.
 
 use clap::Parser;
-use gough::cli::command::{Cli, Ending, run};
+use gough::cli::dispatch::{Cli, Ending, run};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
