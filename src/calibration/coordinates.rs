@@ -34,6 +34,8 @@ pub struct LimbCoordinates {
     pub free: Vec<usize>,
     /// Components that make the slice, ascending.
     pub slice: Vec<usize>,
+    /// The same per link: which rotations and which translations.
+    pub in_slice: Vec<[[bool; 3]; 2]>,
     /// Components that the redundancy is solved for.
     pivots: Vec<usize>,
     /// Standard deviation of each component, rad or m; 0 where held.
@@ -62,6 +64,10 @@ impl Coordinates {
             let scaled = Mat::from_fn(free.len(), null.ncols(), |i, j| null[(free[i], j)] / sigma[free[i]]);
             let pivots: Vec<usize> = pivot_rows(&scaled).into_iter().map(|i| free[i]).collect();
             let slice: Vec<usize> = free.iter().copied().filter(|i| !pivots.contains(i)).collect();
+            let mut in_slice = vec![[[false; 3]; 2]; limb.links.len()];
+            for &i in &slice {
+                in_slice[i / 6][i % 6 / 3][i % 3] = true;
+            }
             let basis = match form {
                 Form::Minimal => linalg::complement(scaled.as_ref())
                     .unwrap_or_else(|| Mat::identity(free.len(), free.len())),
@@ -69,7 +75,17 @@ impl Coordinates {
             };
             let count = basis.ncols();
             let columns = slice.len();
-            limbs.push(LimbCoordinates { free, slice, pivots, sigma, basis, offset, count, slice_offset });
+            limbs.push(LimbCoordinates {
+                free,
+                slice,
+                in_slice,
+                pivots,
+                sigma,
+                basis,
+                offset,
+                count,
+                slice_offset,
+            });
             offset += count;
             slice_offset += columns;
         }

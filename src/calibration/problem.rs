@@ -239,14 +239,12 @@ impl Problem for Calibration<'_> {
         let chunk = |starts: &[Start<'_>]| -> Result<(f64, Vec<f64>), EvalError> {
             let (mut square, mut by_slice) = (0.0, vec![0.0; columns]);
             let mut writer = RowWriter::default();
-            let mut data = Vec::new();
+            let mut data = vec![0.0; columns + 1];
             self.visit(starts, &geometry, |posture, rows| {
-                data.resize(rows.len() * (columns + 1), 0.0);
-                let block = RowBlock::new(&mut data, rows.len(), 0, rows.len());
-                writer.write(self.mechanism, &self.coordinates, posture, rows, block);
-                for (sum, column) in by_slice.iter_mut().zip(data.chunks_exact(rows.len().max(1))) {
-                    *sum += column.iter().zip(rows).map(|(j, row)| j * row.r).sum::<f64>();
-                }
+                // r'J is linear in the rows: their sum is carried through the machine as one.
+                let block = RowBlock::new(&mut data, 1, 0, 1);
+                writer.write(self.mechanism, &self.coordinates, posture, &[Row::weighted_sum(rows)], block);
+                by_slice.iter_mut().zip(&data).for_each(|(sum, part)| *sum += part);
                 square += rows.iter().map(|row| row.r * row.r).sum::<f64>();
             })?;
             Ok((square, by_slice))

@@ -10,8 +10,8 @@ use nalgebra::Vector3;
 /// Rows handled together.
 const LANES: usize = 6;
 
-/// Derivatives of up to six residuals by a twist, one array a component: rad first, then m.
-type Lanes = [[f64; LANES]; 6];
+/// Derivatives of up to six residuals by a twist, one array a component: by its rotation (rad), by its translation (m).
+type Lanes = [[[f64; LANES]; 3]; 2];
 
 /// Writes rows posture by posture; holds what it needs from one to the next.
 #[derive(Default)]
@@ -73,9 +73,9 @@ impl RowWriter {
     fn gather(&mut self, rows: &[Row], by_limb: impl Fn(&Row) -> [f64; 6]) {
         self.by_limb.clear();
         for group in rows.chunks(LANES) {
-            let mut lanes = [[0.0; LANES]; 6];
+            let mut lanes = [[[0.0; LANES]; 3]; 2];
             for (k, row) in group.iter().enumerate() {
-                for (lane, value) in lanes.iter_mut().zip(by_limb(row)) {
+                for (lane, value) in lanes.as_flattened_mut().iter_mut().zip(by_limb(row)) {
                     lane[k] = value;
                 }
             }
@@ -90,33 +90,51 @@ impl RowWriter {
         tool: &Vector3<f64>,
         out: &mut RowBlock<'_>,
     ) {
-        for (group, by) in self.by_limb.iter().enumerate() {
-            let mut link = usize::MAX;
-            let mut at = *by;
-            for (k, &component) in limb.slice.iter().enumerate() {
-                let g = &frames[component / 6];
-                if component / 6 != link {
-                    link = component / 6;
-                    let lever = tool - g.p;
-                    for i in 0..LANES {
-                        at[0][i] = by[0][i] + lever.y * by[5][i] - lever.z * by[4][i];
-                        at[1][i] = by[1][i] + lever.z * by[3][i] - lever.x * by[5][i];
-                        at[2][i] = by[2][i] + lever.x * by[4][i] - lever.y * by[3][i];
+        for (group, by_tool) in self.by_limb.iter().enumerate() {
+            let mut k = limb.slice_offset;
+            for (g, in_slice) in frames.iter().zip(&limb.in_slice) {
+                let by_link = moved(by_tool, &(tool - g.p));
+                for (block, in_slice) in by_link.iter().zip(in_slice) {
+                    for i in 0..3 {
+                        if in_slice[i] {
+                            let axis = [g.r[(0, i)], g.r[(1, i)], g.r[(2, i)]];
+                            combine(block, axis, &mut out.column(k)[group * LANES..]);
+                            k += 1;
+                        }
                     }
-                }
-                let axis = g.r.column(component % 3);
-                let first = component % 6 / 3 * 3;
-                let (x, y, z) = (&at[first], &at[first + 1], &at[first + 2]);
-                let (a, b, c) = (axis[0], axis[1], axis[2]);
-                let entry = |i: usize| x[i] * a + y[i] * b + z[i] * c;
-                let column = &mut out.column(limb.slice_offset + k)[group * LANES..];
-                match <&mut [f64; LANES]>::try_from(&mut *column) {
-                    // A whole pose: a fixed length is what vector instructions need.
-                    Ok(six) => *six = std::array::from_fn(entry),
-                    Err(_) => column.iter_mut().take(LANES).enumerate().for_each(|(i, e)| *e = entry(i)),
                 }
             }
         }
+    }
+}
+
+// The next two stay functions of their own: inlined into one loop, the compiler shuffles lanes between them.
+
+/// Covectors `(w, v)` moved to a point that lies `lever` behind theirs: `(w + lever x v, v)`.
+#[inline(never)]
+fn moved([[a, b, c], [x, y, z]]: &Lanes, lever: &Vector3<f64>) -> Lanes {
+    let (d, e, f) = (lever.x, lever.y, lever.z);
+    let mut w = [[0.0; LANES]; 3];
+    for i in 0..LANES {
+        w[0][i] = a[i] + e * z[i] - f * y[i];
+    }
+    for i in 0..LANES {
+        w[1][i] = b[i] + f * x[i] - d * z[i];
+    }
+    for i in 0..LANES {
+        w[2][i] = c[i] + d * y[i] - e * x[i];
+    }
+    [w, [*x, *y, *z]]
+}
+
+/// `axis . block` of each lane, over as many entries as `out` has.
+#[inline(never)]
+fn combine([x, y, z]: &[[f64; LANES]; 3], [a, b, c]: [f64; 3], out: &mut [f64]) {
+    let entry = |i: usize| x[i] * a + y[i] * b + z[i] * c;
+    match out.first_chunk_mut::<LANES>() {
+        // A whole pose: a fixed length is what vector instructions need.
+        Some(whole) => whole.iter_mut().enumerate().for_each(|(i, out)| *out = entry(i)),
+        None => out.iter_mut().take(LANES).enumerate().for_each(|(i, out)| *out = entry(i)),
     }
 }
 

@@ -12,6 +12,20 @@ pub struct Row {
     pub by_tool: [f64; 6],
 }
 
+impl Row {
+    /// The rows, each times its residual, added up: `|r|^2` with the derivative of `|r|^2 / 2`.
+    pub fn weighted_sum(rows: &[Row]) -> Row {
+        let mut sum = Row::default();
+        for row in rows {
+            sum.r += row.r * row.r;
+            for (total, by) in sum.by_tool.iter_mut().zip(row.by_tool) {
+                *total += row.r * by;
+            }
+        }
+        sum
+    }
+}
+
 /// Weights by which a measurement's residuals may be multiplied instead of its stated noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Weights {
