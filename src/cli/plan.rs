@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let poses = args.poses as usize;
     let model = read_model(&args.problem)?;
     let message = format!("choosing {poses} postures for {}", problem.name);
-    let (candidates, workspace, plan) = with_spinner(message, || {
+    let (candidates, workspace, left_out, plan) = with_spinner(message, || {
         let candidates = candidates(args, &model)?;
         candidates.require(poses).map_err(design)?;
         let workspace = workspace(args, &model)?;
@@ -102,7 +102,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             .map_err(design)?;
         let settings = Settings { poses, criterion, starts: args.starts.into(), seed: args.seed };
         let plan = plan(mechanism, &candidates.fit, &info, &settings).map_err(design)?;
-        Ok::<_, CliError>((candidates, workspace, plan))
+        Ok::<_, CliError>((candidates, workspace, info.left_out, plan))
     })?;
     let rows: Vec<Vec<f64>> = plan
         .chosen
@@ -116,6 +116,13 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     match output {
         Output::Stdout => eprint!("{told}"),
         Output::File(_) => Output::Stdout.write(told.as_bytes())?,
+    }
+    if !left_out.is_empty() {
+        eprintln!(
+            "warning: {} measured postures do not close as drawn and are not counted: {}",
+            left_out.len(),
+            left_out.join(", ")
+        );
     }
     warn("candidates", args.candidates.as_deref(), &candidates);
     warn("postures of the workspace", args.workspace.as_deref(), &workspace);

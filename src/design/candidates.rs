@@ -78,13 +78,15 @@ pub enum DesignError {
     },
     /// Fewer candidates than postures wanted.
     #[error(
-        "{found} candidates can be measured, fewer than the {wanted} poses asked for; offer more candidates"
+        "{found} candidates can be measured, fewer than the {wanted} poses asked for{others}; offer more"
     )]
     TooFew {
         /// Candidates that are fit.
         found: usize,
         /// Postures wanted.
         wanted: usize,
+        /// How many are unfit, and why the first of them is; empty where all are fit.
+        others: String,
     },
     /// More candidates than can be held.
     #[error("{found} candidates are too many: the limit is {MOST}; take a coarser grid or random postures")]
@@ -185,7 +187,12 @@ impl Candidates {
                 let tried = self.unfit.len();
                 Err(DesignError::Empty { tried, name: name.clone(), why: why.clone() })
             }
-            _ if found < wanted => Err(DesignError::TooFew { found, wanted }),
+            first if found < wanted => {
+                let others = first.map_or_else(String::new, |(name, why)| {
+                    format!(" ({} others cannot; {name}: {why})", self.unfit.len())
+                });
+                Err(DesignError::TooFew { found, wanted, others })
+            }
             _ if found > MOST => Err(DesignError::TooMany { found }),
             _ => Ok(()),
         }

@@ -8,6 +8,7 @@ use crate::measure::pose::NotPositive;
 use crate::measure::{Measurement, Pose, Weights};
 use crate::model::Mechanism;
 use crate::problem::{Form, Problem};
+use crate::simulate::close;
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 use nalgebra::Matrix6;
@@ -53,6 +54,8 @@ pub struct Information {
     pub workspace: Mat<f64>,
     /// The same by the tool twist `[w; dp]`, rad and m.
     pub twists: Mat<f64>,
+    /// Names of postures measured already that take no part, because they do not close as drawn.
+    pub left_out: Vec<String>,
 }
 
 impl Information {
@@ -79,7 +82,8 @@ impl Information {
             of.iter().map(sample).collect()
         };
         let planned = jacobian(mechanism, &samples(candidates, None)?, true)?;
-        let known = jacobian(mechanism, measured, false)?;
+        let (measured, left_out) = as_drawn(mechanism, measured);
+        let known = jacobian(mechanism, &measured, false)?;
         let seen = jacobian(mechanism, &samples(workspace, None)?, true)?;
         let twists = jacobian(mechanism, &samples(workspace, Some(Weights::Unit))?, true)?;
         let average = (poses as f64 / candidates.len().max(1) as f64).sqrt();
@@ -103,7 +107,7 @@ impl Information {
         let kept = scale.iter().filter(|scale| **scale * **scale < 0.5).count();
         let workspace = scaled(&seen * directions.get(.., ..k));
         let twists = scaled(&twists * directions.get(.., ..k));
-        Ok(Self { rows: turned, base, scale, kept, workspace, twists })
+        Ok(Self { rows: turned, base, scale, kept, workspace, twists, left_out })
     }
 
     /// Number of candidates.
@@ -153,6 +157,23 @@ pub fn log_det(a: &Mat<f64>) -> Option<f64> {
     let factor = a.llt(Side::Lower).ok()?;
     let diagonal = factor.L().diagonal().column_vector();
     Some(diagonal.iter().map(|d| 2.0 * d.ln()).sum())
+}
+
+/// The samples as they would read on the machine as drawn, wherever its free ends stood when they were measured; and the
+/// names of those that do not close there.
+fn as_drawn(mechanism: &Mechanism, samples: &[Sample]) -> (Vec<Sample>, Vec<String>) {
+    let nominal = mechanism.nominal();
+    let (mut drawn, mut left_out) = (Vec::with_capacity(samples.len()), Vec::new());
+    for sample in samples {
+        match close(mechanism, &nominal, &sample.actuators) {
+            Ok(posture) => {
+                let measurement = sample.measurement.expected(&posture.tool());
+                drawn.push(Sample { measurement, ..sample.clone() });
+            }
+            Err(_) => left_out.push(sample.name.clone()),
+        }
+    }
+    (drawn, left_out)
 }
 
 /// Whitened Jacobian of the samples at nominal in minimal coordinates, m x n; `padded` to [`ROWS`] rows for each sample.
