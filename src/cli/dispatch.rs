@@ -21,7 +21,8 @@ enum Command {
     /// Forward kinematics of a problem's or result's machine
     Predict(predict::Args),
     /// Actuator readings that bring a problem's or result's machine to wanted poses
-    Command(command::Args),
+    #[command(name = "command")]
+    Reach(command::Args),
     /// Choose the postures to measure
     Plan(plan::Args),
     /// Draw a true machine from the tolerances and measure it
@@ -45,7 +46,7 @@ pub fn run(cli: &Cli) -> Result<Ending, CliError> {
         Command::Identify(args) => identify::run(args),
         Command::Analyze(args) => analyze::run(args),
         Command::Predict(args) => predict::run(args),
-        Command::Command(args) => command::run(args),
+        Command::Reach(args) => command::run(args),
         Command::Plan(args) => plan::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Solvers => solvers::run(),
