@@ -52,10 +52,11 @@
 //! From the bottom up: [`lie`] rotations and rigid motions; [`linalg`] dense factorisations; [`problem`] what an
 //! identifier sees; [`model`] joints, limbs, postures; [`measure`] instruments; [`calibration`] machine and
 //! measurements as a problem; [`simulate`] synthetic measurements; [`solve`] identifiers; [`identify`] a whole
-//! identification; [`files`] problem and result files; [`cli`] the commands.
+//! identification; [`design`] which postures to measure; [`files`] problem and result files; [`cli`] the commands.
 
 pub mod calibration;
 pub mod cli;
+pub mod design;
 pub mod files;
 pub mod identify;
 pub mod lie;

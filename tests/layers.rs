@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 12] = [
+const LAYERS: [(&str, &[&str]); 13] = [
     ("lie", &[]),
     ("linalg", &["problem"]),
     // A problem knows no robot, no file and no terminal.
@@ -16,6 +16,8 @@ const LAYERS: [(&str, &[&str]); 12] = [
     ("solve", &["linalg", "problem"]),
     ("simulate", &["lie", "model", "measure"]),
     ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "solve"]),
+    // Plans postures; what it plans for and where it writes is not its business.
+    ("design", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "identify"]),
     ("files", &["lie", "model", "measure", "calibration"]),
     (
         "cli",
@@ -29,6 +31,7 @@ const LAYERS: [(&str, &[&str]); 12] = [
             "solve",
             "simulate",
             "identify",
+            "design",
             "files",
         ],
     ),

@@ -4,6 +4,7 @@ use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
 use crate::calibration::{Coordinates, Sample};
+use crate::design::Observability;
 use crate::files::{DataPlaces, Kind, Output, ProblemFile, json, read_problem};
 use crate::identify::Visibility;
 use crate::identify::counts::visibility;
@@ -33,6 +34,26 @@ pub struct Args {
 struct Analysis<'a> {
     counts: crate::files::summary::Counts,
     singular_values: &'a [f64],
+    observability: Option<Indices>,
+}
+
+/// Observability indices in the analysis, over the directions that beat the tolerances.
+#[derive(Serialize)]
+struct Indices {
+    directions: usize,
+    poses: usize,
+    o1: f64,
+    o2: f64,
+    o3: f64,
+    o4: f64,
+    o5: f64,
+}
+
+impl From<Observability> for Indices {
+    fn from(of: Observability) -> Self {
+        let Observability { directions, poses, o1, o2, o3, o4, o5 } = of;
+        Self { directions, poses, o1, o2, o3, o4, o5 }
+    }
 }
 
 /// Prints the three counts, at nominal.
@@ -48,12 +69,16 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         visibility(&problem.mechanism, &samples, &zero)
     })
     .map_err(|why| CliError::Evaluate { file: problem.file.clone(), why })?;
+    let indices = Observability::of(&seen.singular_values, samples.len());
     let text = if args.json {
         let counts = seen.counts.into();
-        json::text(&Analysis { counts, singular_values: &seen.singular_values })
+        let observability = indices.map(Indices::from);
+        json::text(&Analysis { counts, singular_values: &seen.singular_values, observability })
             .map_err(|why| CliError::Usage(format!("the analysis cannot be written: {why}")))?
     } else {
-        words(&problem, &samples, planned, &seen).into_bytes()
+        let mut text = words(&problem, &samples, planned, &seen);
+        text.push_str(&indices.map(observability).unwrap_or_default());
+        text.into_bytes()
     };
     Output::Stdout.write(&text)?;
     Ok(Ending::Done)
@@ -86,6 +111,14 @@ fn planned_samples(problem: &ProblemFile) -> Result<Vec<Sample>, CliError> {
         samples.push(Sample { name, actuators, measurement: std::sync::Arc::new(pose) });
     }
     Ok(samples)
+}
+
+/// The observability indices in words.
+fn observability(of: Observability) -> String {
+    format!(
+        "\nobservability over the {} values above 1 ({} poses): O1 {:.4}, O2 {:.3e}, O3 {:.4}, O4 {:.3e}, O5 {:.4}\n",
+        of.directions, of.poses, of.o1, of.o2, of.o3, of.o4, of.o5
+    )
 }
 
 fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibility) -> String {

@@ -1,5 +1,6 @@
 //! Everything that ends a command with exit status 2.
 
+use crate::design::DesignError;
 use crate::files::FileError;
 use crate::identify::IdentifyError;
 use crate::model::NotClosed;
@@ -58,6 +59,14 @@ pub enum CliError {
         file: String,
         /// What is wrong.
         why: SimulateError,
+    },
+    /// A plan.
+    #[error("{file}: {why}")]
+    Design {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        why: DesignError,
     },
     /// Identifiability.
     #[error("{file}: {why}")]

@@ -1,9 +1,11 @@
 //! The command line: one file a command.
 
 pub mod analyze;
+pub mod command;
 pub mod dispatch;
 pub mod error;
 pub mod identify;
+pub mod plan;
 pub mod predict;
 pub mod progress;
 pub mod simulate;

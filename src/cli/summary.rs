@@ -260,7 +260,7 @@ impl Summary<'_> {
 const FAR_OFF: f64 = 10.0;
 
 /// Four significant digits.
-fn digits(value: f64) -> String {
+pub(super) fn digits(value: f64) -> String {
     if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
         return format!("{value:.3e}");
     }

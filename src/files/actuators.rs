@@ -10,6 +10,7 @@ use super::problem::Model;
 use super::readings::variables;
 use super::table::{self, PoseColumns, TableRequest};
 use serde::Deserialize;
+use std::io;
 use std::path::Path;
 
 /// Readings of one posture.
@@ -33,6 +34,16 @@ struct ActuatorFile {
 #[derive(Deserialize)]
 struct Readings {
     actuators: Vec<f64>,
+}
+
+/// A CSV file of readings in units of the file, one column for each actuator of these names.
+pub fn actuators_text(names: &[String], rows: &[Vec<f64>]) -> io::Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(names)?;
+    for row in rows {
+        writer.serialize(row)?;
+    }
+    writer.into_inner().map_err(|error| error.into_error())
 }
 
 /// Reads the postures of `path` for `model`, whose units govern it. A file that begins with a brace is JSON.

@@ -24,9 +24,10 @@ pub mod table;
 pub mod tolerance;
 pub mod units;
 pub mod values;
+pub mod wanted;
 pub mod write;
 
-pub use actuators::{ActuatorRow, read_actuators};
+pub use actuators::{ActuatorRow, actuators_text, read_actuators};
 pub use data::{DataDrawing, SampleDrawing};
 pub use dataset::{DataSet, Kind, MeasuredPose};
 pub use drawing::{JointDrawing, LimbDrawing, MechanismDrawing};
@@ -39,4 +40,5 @@ pub use readings::readings;
 pub use redraw::redraw;
 pub use result::ResultFile;
 pub use units::{AngleUnit, LengthUnit, Units};
+pub use wanted::{CommandedPose, WantedPose, commands_text, read_wanted};
 pub use write::Output;

@@ -19,7 +19,7 @@ pub struct Spread {
 
 impl Spread {
     /// Of the values, if there are any.
-    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+    pub fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (mut count, mut square, mut max) = (0.0, 0.0, 0.0_f64);
         for value in values {
             count += 1.0;

@@ -1,5 +1,6 @@
 //! Mechanisms: limbs of joints between base and platform, and the postures in which their loops close.
 
+pub mod command;
 pub mod inverse;
 pub mod joint;
 pub mod limb;
