@@ -12,7 +12,7 @@
 use crate::lie::Se3;
 use crate::lie::se3::{self, Twist};
 use crate::linalg;
-use crate::model::{Geometry, Limb, Mechanism, Prior};
+use crate::model::{Constant, Geometry, Limb, Mechanism, Prior, Quantity};
 use crate::problem::{Form, Group, Param};
 use faer::Mat;
 
@@ -24,13 +24,15 @@ const FREE: f64 = 1.0;
 pub struct Coordinates {
     /// One entry per limb.
     pub limbs: Vec<LimbCoordinates>,
+    /// The instrument's constants, behind the limbs: each is its own coordinate, none is redundant.
+    pub instrument: LimbCoordinates,
     form: Form,
 }
 
-/// Coordinates of one limb.
+/// Coordinates of one limb, or of the instrument.
 #[derive(Clone, Debug)]
 pub struct LimbCoordinates {
-    /// Components (of 6 per link) that are not held.
+    /// Components (of 6 per link; the instrument's constants) that are not held.
     pub free: Vec<usize>,
     /// Components that make the slice, ascending.
     pub slice: Vec<usize>,
@@ -73,29 +75,37 @@ impl Coordinates {
             offset += count;
             slice_offset += columns;
         }
-        Self { limbs, form }
+        let instrument = LimbCoordinates::of_constants(&mechanism.instrument, length, offset, slice_offset);
+        Self { limbs, instrument, form }
+    }
+
+    /// The limbs, then the instrument.
+    pub fn blocks(&self) -> impl Iterator<Item = &LimbCoordinates> {
+        self.limbs.iter().chain([&self.instrument])
     }
 
     /// Coordinates of limb `i` alone.
     pub fn of_limb(&self, i: usize) -> Coordinates {
         let limb = LimbCoordinates { offset: 0, slice_offset: 0, ..self.limbs[i].clone() };
-        Coordinates { limbs: vec![limb], form: self.form }
+        let instrument = LimbCoordinates::of_constants(&[], 1.0, limb.count, limb.slice.len());
+        Coordinates { limbs: vec![limb], instrument, form: self.form }
     }
 
     /// Number of coordinates `x`.
     pub fn count(&self) -> usize {
-        self.limbs.last().map_or(0, |limb| limb.offset + limb.count)
+        self.instrument.offset + self.instrument.count
     }
 
-    /// Number of slice columns, which is the structural count of identifiable parameters.
+    /// Number of slice columns, which is the structural count of identifiable parameters, constants of the instrument
+    /// included.
     pub fn slice_count(&self) -> usize {
-        self.limbs.last().map_or(0, |limb| limb.slice_offset + limb.slice.len())
+        self.instrument.slice_offset + self.instrument.slice.len()
     }
 
-    /// Link deviations (rad, m; six per link) at `x`.
+    /// Deviations (rad, m; six per link, then the instrument's constants) at `x`.
     pub fn deviations(&self, x: &[f64]) -> Vec<f64> {
         let mut out = Vec::new();
-        for limb in &self.limbs {
+        for limb in self.blocks() {
             let mut d = vec![0.0; limb.sigma.len()];
             let u = linalg::mul(limb.basis.as_ref(), &x[limb.offset..limb.offset + limb.count]);
             for (&i, u) in limb.free.iter().zip(&u) {
@@ -110,7 +120,7 @@ impl Coordinates {
     pub fn nearest(&self, deviations: &[f64]) -> Vec<f64> {
         let mut x = Vec::with_capacity(self.count());
         let mut start = 0;
-        for limb in &self.limbs {
+        for limb in self.blocks() {
             let u: Vec<f64> = limb.free.iter().map(|&i| deviations[start + i] / self.unit(limb, i)).collect();
             x.extend(linalg::mul_transpose(limb.basis.as_ref(), &u));
             start += limb.sigma.len();
@@ -127,7 +137,7 @@ impl Coordinates {
     }
 
     /// Per limb, the matrix (slice x count) that takes `dx` to slice twists, at deviations `d` with links as in
-    /// `geometry`.
+    /// `geometry`; last, that of the instrument.
     pub fn transforms(&self, mechanism: &Mechanism, geometry: &Geometry, d: &[f64]) -> Vec<Mat<f64>> {
         let mut start = 0;
         let mut out = Vec::with_capacity(self.limbs.len());
@@ -138,6 +148,8 @@ impl Coordinates {
             out.push(project * twists);
             start += size;
         }
+        let units: Vec<f64> = self.instrument.free.iter().map(|&i| self.unit(&self.instrument, i)).collect();
+        out.push(Mat::from_fn(units.len(), units.len(), |i, j| if i == j { units[i] } else { 0.0 }));
         out
     }
 
@@ -230,10 +242,15 @@ impl Coordinates {
                 });
             }
         }
+        params.extend(mechanism.instrument.iter().enumerate().map(|(i, constant)| {
+            let unit = self.unit(&self.instrument, i);
+            let limit = constant.bounds.map_or(f64::INFINITY, |limit| limit / unit);
+            Param { name: constant.name(), unit: constant.unit(), scale: unit, bounds: (-limit, limit) }
+        }));
         params
     }
 
-    /// The components of each link, in complete forms.
+    /// The components of each link and of each thing that the instrument refers to, in complete forms.
     pub fn groups(&self, mechanism: &Mechanism) -> Vec<Group> {
         if self.form == Form::Minimal {
             return Vec::new();
@@ -250,11 +267,37 @@ impl Coordinates {
                 }
             }
         }
+        for (i, constant) in mechanism.instrument.iter().enumerate() {
+            match groups.last_mut().filter(|group| i > 0 && group.name == constant.element) {
+                Some(group) => group.members.push(next + i),
+                None => groups.push(Group { name: constant.element.clone(), members: vec![next + i] }),
+            }
+        }
         groups
     }
 }
 
 impl LimbCoordinates {
+    /// Coordinates of constants, none of them redundant; `length` is the machine's size, m.
+    fn of_constants(constants: &[Constant], length: f64, offset: usize, slice_offset: usize) -> Self {
+        let count = constants.len();
+        let sigma = |constant: &Constant| match (constant.prior, constant.quantity) {
+            (Prior::Sigma(sigma), _) => sigma,
+            (Prior::Free, Quantity::Length) => FREE * length,
+            (Prior::Free | Prior::Held, _) => FREE,
+        };
+        Self {
+            free: (0..count).collect(),
+            slice: (0..count).collect(),
+            pivots: Vec::new(),
+            sigma: constants.iter().map(sigma).collect(),
+            basis: Mat::identity(count, count),
+            offset,
+            count,
+            slice_offset,
+        }
+    }
+
     /// Matrix (slice x complete) that replaces a body twist by the one in the slice that no pose tells from it.
     fn projection(&self, limb: &Limb, links: &[Se3]) -> Mat<f64> {
         let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());

@@ -8,4 +8,4 @@ pub mod sample;
 
 pub use coordinates::Coordinates;
 pub use problem::Calibration;
-pub use sample::{Sample, SetAside};
+pub use sample::{Postures, Sample, SetAside, close_at};
