@@ -3,12 +3,13 @@
 use crate::files::noise::NoiseDrawing;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, Deviation, LinkResult, PoseErrors, SetAsideEntry,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, Deviation, LinkResult, PoseErrors, SetAsideEntry,
     TraceEntry, WeightEntry,
 };
-use crate::files::{ProblemFile, ResultFile, Units, redraw};
+use crate::files::{ProblemFile, ResultFile, Units, from_quantity, redraw};
+use crate::identify::score::Spread;
 use crate::identify::{self, Fit, Identification, NoiseEstimate};
-use crate::model::Prior;
+use crate::model::{Prior, Quantity};
 use crate::solve::Identifier;
 
 /// Deviations shown.
@@ -48,6 +49,14 @@ fn errors(fit: Option<Fit>, units: Units) -> PoseErrors {
         position_max: fit.position.map(|p| p.max),
         rotation_rms: fit.rotation.map(|r| r.rms),
         rotation_max: fit.rotation.map(|r| r.max),
+        distance_rms: fit.distance.map(|d| d.rms),
+        distance_max: fit.distance.map(|d| d.max),
+        plane_rms: fit.plane.map(|p| p.rms),
+        plane_max: fit.plane.map(|p| p.max),
+        joint_angle_rms: fit.joint_angle.map(|j| j.rms),
+        joint_angle_max: fit.joint_angle.map(|j| j.max),
+        joint_length_rms: fit.joint_length.map(|j| j.rms),
+        joint_length_max: fit.joint_length.map(|j| j.max),
         weighted_rms: Some(fit.weighted_rms),
     }
     .in_units(units)
@@ -106,6 +115,7 @@ impl Summary<'_> {
                 .iter()
                 .map(|t| TraceEntry { cost: t.cost, step: t.step, kept: t.kept })
                 .collect(),
+            instrument: self.instrument(),
             links: self.links(),
             mechanism: redraw(&found.start, &found.geometry, units),
             versions: [("gough".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
@@ -128,6 +138,23 @@ impl Summary<'_> {
             });
         }
         links
+    }
+
+    /// The instrument's constants as identified.
+    fn instrument(&self) -> Vec<ConstantResult> {
+        let (found, units) = (self.found, self.problem.units);
+        let drawn = self.problem.mechanism.instrument.iter().enumerate();
+        let first = found.start.link_component_count();
+        let constants = drawn.zip(&found.geometry.instrument).map(|((k, constant), value)| {
+            let shown = |v: f64| from_quantity(units, constant.quantity, v);
+            ConstantResult {
+                name: constant.name(),
+                nominal: shown(constant.nominal),
+                value: shown(*value),
+                std: found.std.as_ref().and_then(|std| std.get(first + k)).map(|v| shown(*v)),
+            }
+        });
+        constants.collect()
     }
 
     /// Deviation components with a stated tolerance: in tolerances, in rad or m, index, axis, and the link's name.
@@ -222,6 +249,7 @@ impl Summary<'_> {
                 found.other_mode.join(", ")
             ));
         }
+        warnings.extend(self.problem.data.kind_notes().into_iter().map(str::to_owned));
         if let Some(counts) = found.counts()
             && found.rows < counts.structural
         {
@@ -335,7 +363,60 @@ pub fn summary(of: &Summary<'_>) -> String {
             digits(fit.weighted_rms),
         ));
     }
+    text.push_str(&other_errors(of));
+    text.push_str(&instrument(of));
     text.push_str(&largest(of));
+    text
+}
+
+/// Errors of what is neither a position nor a rotation, a line each, before and after.
+fn other_errors(of: &Summary<'_>) -> String {
+    type Part = fn(&Fit) -> Option<Spread>;
+    let units = of.problem.units;
+    let (length, angle) = (units.length_symbol(), units.angle_symbol());
+    let parts: [(&str, Part, bool); 4] = [
+        ("distance", |fit| fit.distance, false),
+        ("plane", |fit| fit.plane, false),
+        ("joint angle", |fit| fit.joint_angle, true),
+        ("joint length", |fit| fit.joint_length, false),
+    ];
+    let mut text = String::new();
+    for (name, part, angular) in parts {
+        for (set, (before, after)) in [("training", of.found.fit), ("hold-out", of.holdout)] {
+            let (Some(before), Some(after)) = (before.as_ref().and_then(part), after.as_ref().and_then(part))
+            else {
+                continue;
+            };
+            let shown = |v: f64| digits(if angular { units.from_radians(v) } else { units.from_metres(v) });
+            text.push_str(&format!(
+                "{name:13} {set:9} rms {} -> {}, max {} -> {} {}\n",
+                shown(before.rms),
+                shown(after.rms),
+                shown(before.max),
+                shown(after.max),
+                if angular { angle } else { length }
+            ));
+        }
+    }
+    text
+}
+
+/// The instrument's constants.
+fn instrument(of: &Summary<'_>) -> String {
+    let constants = of.instrument();
+    if constants.is_empty() {
+        return String::new();
+    }
+    let mut text = "\nconstants of the instrument\n".to_owned();
+    for (found, constant) in constants.iter().zip(&of.problem.mechanism.instrument) {
+        let unit = match constant.quantity {
+            Quantity::Angle => of.problem.units.angle_symbol(),
+            Quantity::Length => of.problem.units.length_symbol(),
+            Quantity::Ratio => "",
+        };
+        let error = found.std.map_or(String::new(), |std| format!(" +- {}", digits(std)));
+        text.push_str(&format!("  {:24} {}{error} {unit}\n", found.name, digits(found.value)));
+    }
     text
 }
 
