@@ -53,8 +53,8 @@ impl<'a> Calibration<'a> {
             sample.close_all(self.mechanism, &geometry, postures)?;
             let two = sample.measurement.second().is_some();
             let regular = |at: bool, posture: &Posture| if at { posture.regularity() } else { 1.0 };
-            let smallest = regular(least > 0.0, &postures.first)
-                .min(regular(least > 0.0 && two, &postures.second));
+            let smallest =
+                regular(least > 0.0, &postures.first).min(regular(least > 0.0 && two, &postures.second));
             if smallest < least {
                 return Err(NotClosed::Singular { smallest });
             }

@@ -77,7 +77,8 @@ fn planned_samples(problem: &ProblemFile) -> Result<Vec<Sample>, CliError> {
         for blank in set.blanks.iter().cycle().take(PLANNED) {
             let name = format!("planned posture {}", samples.len() + 1);
             let actuators = pool.next().unwrap_or_default();
-            let second = if set.kind == Kind::Separation { pool.next().unwrap_or_default() } else { Vec::new() };
+            let second =
+                if set.kind == Kind::Separation { pool.next().unwrap_or_default() } else { Vec::new() };
             let measurement = read(mechanism, &nominal, &*blank.measurement, &actuators, &second)
                 .map_err(|why| CliError::Posture { file: problem.file.clone(), sample: name.clone(), why })?;
             samples.push(Sample { name, actuators, measurement });
@@ -111,7 +112,9 @@ fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibi
         let sensed = limb.joints.iter().filter(|joint| joint.sensed).count();
         let sum = format!("4*{angular} + 2*{prismatic} + 6 - {} passive", limb.passive_count());
         text.push_str(&match held {
-            0 if sensed > 0 => format!("         {}: {} = {sum} + {sensed} sensed\n", limb.name, own.slice.len()),
+            0 if sensed > 0 => {
+                format!("         {}: {} = {sum} + {sensed} sensed\n", limb.name, own.slice.len())
+            }
             0 => format!("         {}: {} = {sum}\n", limb.name, own.slice.len()),
             _ => format!("         {}: {} of {sum}, {held} components held\n", limb.name, own.slice.len()),
         });

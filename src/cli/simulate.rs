@@ -4,8 +4,8 @@ use super::dispatch::Ending;
 use super::error::CliError;
 use crate::files::problem::parse_problem;
 use crate::files::{
-    DataDrawing, DataPlaces, DataSet, Kind, Output, ProblemDrawing, ProblemFile, SampleDrawing, constant_values,
-    json, kinds, noise::NoiseDrawing, read_problem, redraw,
+    DataDrawing, DataPlaces, DataSet, Kind, Output, ProblemDrawing, ProblemFile, SampleDrawing,
+    constant_values, json, kinds, noise::NoiseDrawing, read_problem, redraw,
 };
 use crate::model::{Geometry, mobility};
 use crate::simulate::readings::Reading;
@@ -58,23 +58,31 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let not_stated = || {
         CliError::Usage(format!("{}: data.noise is not stated: simulation needs to know it", problem.file))
     };
-    let covariance = sets.iter().map(|set| set.noise.ok_or_else(not_stated)).collect::<Result<Vec<_>, _>>()?;
+    let covariance =
+        sets.iter().map(|set| set.noise.ok_or_else(not_stated)).collect::<Result<Vec<_>, _>>()?;
     let counts: Vec<usize> = match args.poses.as_slice() {
         [all] => vec![*all as usize; sets.len()],
         each if each.len() == sets.len() => each.iter().map(|n| *n as usize).collect(),
         each => {
             let (found, wanted) = (each.len(), sets.len());
-            return Err(CliError::Usage(format!("--poses: {found} numbers for {wanted} sets; give one or {wanted}")));
+            return Err(CliError::Usage(format!(
+                "--poses: {found} numbers for {wanted} sets; give one or {wanted}"
+            )));
         }
     };
     let Args { holdout, seed, noise, distance, .. } = *args;
     let plan = Plan { poses: counts[0], holdout: holdout as usize, seed, noise, distance };
     let failed = |why| CliError::Simulate { file: problem.file.clone(), why };
     let poses = |kind| matches!(kind, Kind::Pose | Kind::Position);
-    let drawing = if sets.len() == 1 && poses(sets[0].kind) && problem.mechanism.instrument.is_empty() && sets[0].blanks.iter().all(|blank| blank.drawing.target.is_none()) {
+    let drawing = if sets.len() == 1
+        && poses(sets[0].kind)
+        && problem.mechanism.instrument.is_empty()
+        && sets[0].blanks.iter().all(|blank| blank.drawing.target.is_none())
+    {
         with_data(&problem, &simulate(&problem.mechanism, &covariance[0], &plan).map_err(failed)?, args)
     } else {
-        let blanks = sets.iter().map(|set| set.blanks.iter().map(|blank| blank.measurement.clone()).collect());
+        let blanks =
+            sets.iter().map(|set| set.blanks.iter().map(|blank| blank.measurement.clone()).collect());
         let blanks: Vec<Vec<_>> = blanks.collect();
         let (truth, read) = simulate_sets(&problem.mechanism, &blanks, &counts, &plan).map_err(failed)?;
         with_sets(&problem, &truth, &read, args)
@@ -121,12 +129,7 @@ fn origin(args: &Args) -> String {
 }
 
 /// The problem with readings of any kinds, set by set.
-fn with_sets(
-    problem: &ProblemFile,
-    truth: &Geometry,
-    read: &[SimulatedSet],
-    args: &Args,
-) -> ProblemDrawing {
+fn with_sets(problem: &ProblemFile, truth: &Geometry, read: &[SimulatedSet], args: &Args) -> ProblemDrawing {
     let (mechanism, units) = (&problem.mechanism, problem.units);
     let parts = problem.data.parts();
     let drawn = |part: &DataSet, first: usize, readings: &[Reading]| -> Vec<SampleDrawing> {

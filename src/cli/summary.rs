@@ -3,8 +3,8 @@
 use crate::files::noise::NoiseDrawing;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, Deviation, LinkResult, PoseErrors, SetAsideEntry,
-    TraceEntry, WeightEntry,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, Deviation, LinkResult, PoseErrors,
+    SetAsideEntry, TraceEntry, WeightEntry,
 };
 use crate::files::{ProblemFile, ResultFile, Units, from_quantity, redraw};
 use crate::identify::score::Spread;

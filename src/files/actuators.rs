@@ -78,7 +78,13 @@ fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>
 fn from_table(file: &str, short: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
     let names = model.mechanism.actuator_names();
     let parse = |columns: Option<&ColumnsDrawing>| {
-        let request = TableRequest { actuators: &names, columns, filter: None, poses: PoseColumns::Ignored, others: OtherColumns::default() };
+        let request = TableRequest {
+            actuators: &names,
+            columns,
+            filter: None,
+            poses: PoseColumns::Ignored,
+            others: OtherColumns::default(),
+        };
         table::parse(file, bytes, &request)
     };
     let table = match (parse(None), &model.columns) {

@@ -372,8 +372,9 @@ impl Filling<'_> {
             self.set.blanks.push(Blank { drawing, measurement, sensed: sensed.clone() });
         }
         let driven = self.reader.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|j| j.actuated);
-        self.set.angles_only = driven.chain(self.reader.sensed.iter().map(|s| s.joint)).all(|j| j.motion.is_angular())
-            && !self.reader.sensed.is_empty();
+        self.set.angles_only =
+            driven.chain(self.reader.sensed.iter().map(|s| s.joint)).all(|j| j.motion.is_angular())
+                && !self.reader.sensed.is_empty();
         self.set.sensed = self.reader.sensed.iter().map(|s| (s.at.limb, s.name.clone())).collect();
         Ok(())
     }

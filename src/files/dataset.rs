@@ -179,7 +179,9 @@ impl DataSet {
             );
         }
         if only(&[Kind::PassiveJoint]) && self.parts().iter().all(|set| set.angles_only) {
-            notes.push("angles alone have no scale: the size of the machine cannot be seen and stays as drawn");
+            notes.push(
+                "angles alone have no scale: the size of the machine cannot be seen and stays as drawn",
+            );
         }
         notes
     }
@@ -199,11 +201,12 @@ impl DataSet {
         pairs
             .map(|(sample, measured)| {
                 let (angle, length) = (covariance[(0, 0)].sqrt(), covariance[(3, 3)].sqrt());
-                let measurement = match (&measured.noise, measured.rotation || measured.position.contains(&true)) {
-                    (_, true) => measured.measurement(covariance)?,
-                    (Some(_), false) => sample.measurement.clone(),
-                    (None, false) => sample.measurement.reweighted(Weights::Isotropic { angle, length }),
-                };
+                let measurement =
+                    match (&measured.noise, measured.rotation || measured.position.contains(&true)) {
+                        (_, true) => measured.measurement(covariance)?,
+                        (Some(_), false) => sample.measurement.clone(),
+                        (None, false) => sample.measurement.reweighted(Weights::Isotropic { angle, length }),
+                    };
                 Ok(Sample { measurement, ..sample.clone() })
             })
             .collect()

@@ -115,13 +115,15 @@ impl InstrumentDrawing {
         let list = at.key("targets");
         for (name, t) in &self.targets {
             let here = list.key(name);
-            let point = read.point("target", name, t.offset, t.tolerance, t.bounds, units, &here, "offset")?;
+            let point =
+                read.point("target", name, t.offset, t.tolerance, t.bounds, units, &here, "offset")?;
             read.targets.push((name.clone(), point));
         }
         let list = at.key("points");
         for (name, p) in &self.points {
             let here = list.key(name);
-            let point = read.point("point", name, p.position, p.tolerance, p.bounds, units, &here, "position")?;
+            let point =
+                read.point("point", name, p.position, p.tolerance, p.bounds, units, &here, "position")?;
             read.points.push((name.clone(), point));
         }
         let list = at.key("planes");

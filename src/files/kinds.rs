@@ -153,10 +153,8 @@ impl Reader<'_> {
             }
             Kind::Distance => {
                 let reading = self.distance(of)?;
-                let point =
-                    named(&self.instrument.points, of.sample.point.as_deref(), "point", None, of.at)?;
-                let measurement =
-                    Distance::new(reading, self.target(of)?, point, self.gauge(of)?, length);
+                let point = named(&self.instrument.points, of.sample.point.as_deref(), "point", None, of.at)?;
+                let measurement = Distance::new(reading, self.target(of)?, point, self.gauge(of)?, length);
                 Ok((Arc::new(measurement), nothing))
             }
             Kind::Separation => {
@@ -166,15 +164,13 @@ impl Reader<'_> {
                     return Err(of.at.error(Fault::NoNumber("second", self.kind.name())));
                 };
                 let second = variables(self.mechanism, units, second, &at)?;
-                let measurement =
-                    Separation::new(reading, second, self.target(of)?, self.gauge(of)?, length);
+                let measurement = Separation::new(reading, second, self.target(of)?, self.gauge(of)?, length);
                 Ok((Arc::new(measurement), nothing))
             }
             Kind::Plane => {
                 let at = of.part("height");
                 let height = of.sample.height.map(|height| units.length(height, &at)).transpose()?;
-                let plane =
-                    named(&self.instrument.planes, of.sample.plane.as_deref(), "plane", None, of.at)?;
+                let plane = named(&self.instrument.planes, of.sample.plane.as_deref(), "plane", None, of.at)?;
                 Ok((Arc::new(Touch::new(height, self.target(of)?, plane, length)), nothing))
             }
             Kind::PassiveJoint => {
@@ -236,7 +232,13 @@ impl Reader<'_> {
                 for point in choices(set.point.as_ref(), &instrument.points, kind == Kind::Distance) {
                     for target in choices(set.target.as_ref(), &instrument.targets, !plain) {
                         let (gauge, plane, point) = (gauge.clone(), plane.clone(), point.clone());
-                        blanks.push(SampleDrawing { target, point, plane, gauge, ..SampleDrawing::default() });
+                        blanks.push(SampleDrawing {
+                            target,
+                            point,
+                            plane,
+                            gauge,
+                            ..SampleDrawing::default()
+                        });
                     }
                 }
             }

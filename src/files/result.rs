@@ -3,8 +3,8 @@
 use super::drawing::MechanismDrawing;
 use super::noise::NoiseDrawing;
 use super::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, LinkResult, SetAsideEntry, TraceEntry, WeightEntry,
-    numbers,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, LinkResult, SetAsideEntry, TraceEntry,
+    WeightEntry, numbers,
 };
 use super::units::Units;
 use serde::{Deserialize, Serialize};

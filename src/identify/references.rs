@@ -98,9 +98,8 @@ impl Ranges<'_> {
                 let away = f - self.seen[k].0;
                 if j < 3 { away[j] / away.norm().max(f64::MIN_POSITIVE) } else { 1.0 }
             });
-            let b = DVector::from_fn(self.seen.len(), |k, _| {
-                self.seen[k].1 - (self.seen[k].0 - f).norm() - zero
-            });
+            let b =
+                DVector::from_fn(self.seen.len(), |k, _| self.seen[k].1 - (self.seen[k].0 - f).norm() - zero);
             let svd = a.svd(true, true);
             let largest = svd.singular_values.max();
             let Ok(step) = svd.solve(&b, 1e-9 * largest) else { break };
@@ -198,7 +197,6 @@ fn place_plane(constants: &mut [Constant], plane: &Plane, seen: &[(Vector3<f64>,
         (0..2).for_each(|i| constants[first + i].nominal = found[i]);
     }
     if let Some(k) = plane.shift.filter(|k| is_free(constants, Some(*k))) {
-        constants[k].nominal =
-            seen.iter().map(|(p, height)| normal.dot(p) - height).sum::<f64>() / count;
+        constants[k].nominal = seen.iter().map(|(p, height)| normal.dot(p) - height).sum::<f64>() / count;
     }
 }

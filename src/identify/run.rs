@@ -240,7 +240,9 @@ fn standard_errors(
         let column = coordinates.deviations(&column);
         let links = start.link_component_count();
         variance.iter_mut().zip(&column).skip(links).for_each(|(sum, v)| *sum += v * v);
-        for ((sum, d), chart) in variance[..links].chunks_exact_mut(6).zip(column.chunks_exact(6)).zip(&charts) {
+        for ((sum, d), chart) in
+            variance[..links].chunks_exact_mut(6).zip(column.chunks_exact(6)).zip(&charts)
+        {
             let d = Twist::from_column_slice(d);
             let shown = chart.map_or(d, |chart| chart * d);
             sum.iter_mut().zip(shown.iter()).for_each(|(sum, v)| *sum += v * v);

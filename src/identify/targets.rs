@@ -149,7 +149,8 @@ pub(super) fn place_targets(
         })
         .collect();
     let is_free = |k: usize| mechanism.instrument.get(k).is_some_and(|c| c.prior == Prior::Free);
-    let mut targets: Vec<usize> = seen.iter().filter_map(|s| s.target.constants).filter(|k| is_free(*k)).collect();
+    let mut targets: Vec<usize> =
+        seen.iter().filter_map(|s| s.target.constants).filter(|k| is_free(*k)).collect();
     targets.sort_unstable();
     targets.dedup();
     let start = Unknowns {

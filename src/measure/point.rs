@@ -151,7 +151,8 @@ impl Default for Gauge {
 impl Gauge {
     /// Zero (m) and scale with these values of the constants.
     pub fn at(&self, instrument: &[f64]) -> (f64, f64) {
-        let value = |index: Option<usize>, known| index.and_then(|k| instrument.get(k)).copied().unwrap_or(known);
+        let value =
+            |index: Option<usize>, known| index.and_then(|k| instrument.get(k)).copied().unwrap_or(known);
         (value(self.zero_constant, self.zero), value(self.scale_constant, self.scale))
     }
 

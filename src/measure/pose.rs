@@ -126,9 +126,7 @@ impl Measurement for Pose {
     fn clue(&self) -> Clue {
         match self.seen {
             [true, true, true, true, true, true] => Clue::Pose(self.measured),
-            [_, _, _, true, true, true] => {
-                Clue::Position { target: Point::default(), at: self.measured.p }
-            }
+            [_, _, _, true, true, true] => Clue::Position { target: Point::default(), at: self.measured.p },
             _ => Clue::None,
         }
     }

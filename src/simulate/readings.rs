@@ -109,8 +109,7 @@ fn touch(
 ) -> Option<Vec<f64>> {
     let length = mechanism.characteristic_length();
     let joints = || mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
-    let ranges: Vec<(f64, f64)> =
-        joints().map(|joint| super::range(joint, length)).collect();
+    let ranges: Vec<(f64, f64)> = joints().map(|joint| super::range(joint, length)).collect();
     let residual = |actuators: &[f64]| -> Option<f64> {
         let posture = close(mechanism, geometry, actuators).ok()?;
         let tool = posture.tool();
