@@ -27,15 +27,11 @@ const MACHINES: [&str; 2] = ["hexapod-6ups", "serial-puma560"];
 
 /// A machine of problems/ with other data.
 fn problem(machine: &str, data: &Value) -> ProblemFile {
-    try_problem(machine, data).unwrap()
-}
-
-fn try_problem(machine: &str, data: &Value) -> Result<ProblemFile, String> {
     let mut value = read_json(&file(&format!("problems/{machine}.json")));
     value.as_object_mut().unwrap().remove("truth");
     value["data"] = data.clone();
     let places = DataPlaces { data_dir: None, shared: "no such folder".into() };
-    parse_problem(Path::new("m.json"), value.to_string().as_bytes(), &places).map_err(|why| why.to_string())
+    parse_problem(Path::new("m.json"), value.to_string().as_bytes(), &places).unwrap()
 }
 
 /// Where the tool stands in the middle of the workspace of a machine, m.
@@ -360,58 +356,4 @@ fn sensed_joints_count_and_frames_that_cannot_be_seen_are_said() {
     let s = linalg::singular_values(jac.as_ref()).unwrap();
     let rank = s.iter().filter(|v| **v > 1e-9 * s[0]).count();
     assert_eq!(rank, 168 - 12, "neither base nor tool are seen: {:?}", &s[150..]);
-}
-
-#[test]
-fn what_is_wrong_is_named() {
-    let arm = |data: Value| try_problem("serial-puma560", &data).unwrap_err();
-    let base = |kind: &str| json!({"kind": kind, "noise": {"length": 1e-5}});
-    let with = |kind: &str, key: &str, value: Value| {
-        let mut data = base(kind);
-        data[key] = value;
-        data
-    };
-    let sample = json!({"actuators": [0, 0, 0, 0, 0, 0], "distance": 0.5});
-    let cases = [
-        (base("sound"), "unknown kind of measurement `sound`; known kinds: pose, position, distance"),
-        (base("passive-joint"), "no passive joints"),
-        (base("distance"), "no point; draw one in data.instrument"),
-        (base("plane"), "no plane; draw one"),
-        (
-            with("plane", "instrument", json!({"planes": {"bed": {"normal": [0, 0, 0], "offset": 0}}})),
-            "data.instrument.planes.bed.normal: the normal is zero",
-        ),
-        (
-            with("distance", "instrument", json!({"points": {"a": {"tolerance": 1e-3}}})),
-            "data.instrument.points.a: no position",
-        ),
-        (
-            json!({"kind": "distance", "noise": {"length": 1e-5}, "samples": [sample],
-                "instrument": {"points": {"a": {"position": [0, 0, 0]}, "b": {"position": [1, 0, 0]}}}}),
-            "data.samples[0] (sample 1): which point? name one with \"point\": a, b",
-        ),
-        (
-            json!({"kind": "distance", "noise": {"length": 1e-5}, "samples": [sample], "target": "ball",
-                "instrument": {"points": {"a": {"position": [0, 0, 0]}}}}),
-            "unknown target `ball`; data.instrument has: none",
-        ),
-        (
-            json!({"kind": "separation", "noise": {"length": 1e-5}, "samples": [sample]}),
-            "no second; a measured separation needs it",
-        ),
-        (
-            json!({"kind": "separation", "noise": {"angle": 1e-5}}),
-            "noise of a measured separation needs \"length\"",
-        ),
-        (json!({"sets": [], "noise": {"length": 1}}), "data.sets: there is no set"),
-        (json!({"sets": [{"kind": "pose"}], "file": "x.csv"}), "data.file: file is stated beside \"sets\""),
-        (
-            json!({"sets": [{"kind": "pose", "instrument": {}}]}),
-            "data.sets[0].instrument: \"instrument\" belongs to data as a whole",
-        ),
-    ];
-    for (data, wanted) in cases {
-        let found = arm(data);
-        assert!(found.starts_with("m.json: ") && found.contains(wanted), "{found}\n{wanted}");
-    }
 }

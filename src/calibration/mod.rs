@@ -3,6 +3,7 @@
 pub mod coordinates;
 pub mod limbwise;
 pub mod problem;
+mod redundancy;
 pub mod rows;
 pub mod sample;
 
