@@ -160,6 +160,7 @@ fn result(read: &ProblemFile) -> ResultFile {
         weights: Vec::new(),
         singular_values: vec![2.0, 1.0],
         trace: vec![TraceEntry { cost: f64::INFINITY, step: 3.0, kept: Some(2) }],
+        instrument: Vec::new(),
         links: vec![LinkResult {
             limb: "limb1".into(),
             link: "ball.2".into(),
