@@ -148,7 +148,7 @@ fn exact(problem: &ProblemFile, share: f64) -> Vec<Sample> {
     let mut posture = Posture::new(truth);
     let exact = |sample: &Sample| {
         sample.close(truth, &truth.nominal(), &mut posture).expect("the true machine closes");
-        let measurement = sample.measurement.expected(&posture.tool()).reweighted(weights);
+        let measurement = sample.measurement.expected(&View::of_tool(&posture.tool())).reweighted(weights);
         Sample { measurement, ..sample.clone() }
     };
     problem.data.samples.iter().map(exact).collect()
@@ -233,7 +233,7 @@ fn far_machine(problem: &ProblemFile, seed: u64) -> Vec<Sample> {
     samples
         .map(|((actuators, pose), like)| Sample {
             actuators: actuators.clone(),
-            measurement: like.measurement.expected(pose),
+            measurement: like.measurement.expected(&View::of_tool(pose)),
             ..like.clone()
         })
         .collect()
