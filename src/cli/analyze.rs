@@ -10,7 +10,7 @@ use crate::identify::Visibility;
 use crate::identify::counts::visibility;
 use crate::model::mobility;
 use crate::problem::Form;
-use crate::simulate::{close, draw_postures};
+use crate::simulate::{draw_postures, read};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -87,28 +87,27 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
 /// Random postures at which the instrument is taken to measure with the stated noise.
 fn planned_samples(problem: &ProblemFile) -> Result<Vec<Sample>, CliError> {
     let mechanism = &problem.mechanism;
-    let covariance = problem.data.noise.ok_or_else(|| {
-        CliError::Usage(format!(
+    let sets = problem.data.parts();
+    if sets.iter().any(|set| set.noise.is_none()) {
+        return Err(CliError::Usage(format!(
             "{}: neither samples nor data.noise: state the noise to plan with",
             problem.file
-        ))
-    })?;
+        )));
+    }
     let simulate = |why| CliError::Simulate { file: problem.file.clone(), why };
     let nominal = mechanism.nominal();
-    let postures = draw_postures(mechanism, &[&nominal], PLANNED, 0).map_err(simulate)?;
-    let mut samples = Vec::with_capacity(PLANNED);
-    for (k, actuators) in postures.into_iter().enumerate() {
-        let name = format!("planned posture {}", k + 1);
-        let posture = close(mechanism, &nominal, &actuators).map_err(|why| CliError::Posture {
-            file: problem.file.clone(),
-            sample: name.clone(),
-            why,
-        })?;
-        let rotation = problem.data.kind == Kind::Pose;
-        let seen = [rotation, rotation, rotation, true, true, true];
-        let pose = crate::measure::Pose::new(posture.tool(), seen, &covariance)
-            .map_err(|why| CliError::Usage(format!("{}: data.noise: {why}", problem.file)))?;
-        samples.push(Sample { name, actuators, measurement: std::sync::Arc::new(pose) });
+    let mut pool = draw_postures(mechanism, &[&nominal], PLANNED, 0).map_err(simulate)?.into_iter().cycle();
+    let mut samples = Vec::with_capacity(PLANNED * sets.len());
+    for set in sets {
+        for blank in set.blanks.iter().cycle().take(PLANNED) {
+            let name = format!("planned posture {}", samples.len() + 1);
+            let actuators = pool.next().unwrap_or_default();
+            let second =
+                if set.kind == Kind::Separation { pool.next().unwrap_or_default() } else { Vec::new() };
+            let measurement = read(mechanism, &nominal, &*blank.measurement, &actuators, &second)
+                .map_err(|why| CliError::Posture { file: problem.file.clone(), sample: name.clone(), why })?;
+            samples.push(Sample { name, actuators, measurement });
+        }
     }
     Ok(samples)
 }
@@ -143,11 +142,18 @@ fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibi
         let angular = limb.joints.iter().filter(|joint| joint.motion.is_angular()).count();
         let prismatic = limb.joints.len() - angular;
         let held = own.sigma.len() - own.free.len();
+        let sensed = limb.joints.iter().filter(|joint| joint.sensed).count();
         let sum = format!("4*{angular} + 2*{prismatic} + 6 - {} passive", limb.passive_count());
         text.push_str(&match held {
+            0 if sensed > 0 => {
+                format!("         {}: {} = {sum} + {sensed} sensed\n", limb.name, own.slice.len())
+            }
             0 => format!("         {}: {} = {sum}\n", limb.name, own.slice.len()),
             _ => format!("         {}: {} of {sum}, {held} components held\n", limb.name, own.slice.len()),
         });
+    }
+    if !mechanism.instrument.is_empty() {
+        text.push_str(&format!("         instrument: {} unknown constants\n", mechanism.instrument.len()));
     }
     text.push_str(&format!(
         "{:>5}  first order: rank at the nominal geometry over these postures; {} combinations have no \
@@ -160,6 +166,9 @@ fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibi
         "{:>5}  practical: singular values above 1, where these readings know more than the tolerances\n\n",
         counts.practical
     ));
+    for line in problem.data.kind_notes().into_iter().chain(problem.data.point_note()) {
+        text.push_str(&format!("       {line}\n"));
+    }
     text.push_str("whitened singular values (signal-to-noise ratio of one tolerance), at nominal:\n");
     for chunk in seen.singular_values.chunks(10) {
         let line: Vec<String> = chunk.iter().map(|s| format!("{s:9.3e}")).collect();

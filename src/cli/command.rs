@@ -1,9 +1,9 @@
 //! `gough command`: actuator readings for wanted poses.
 
+use super::details::digits;
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
-use super::summary::digits;
 use crate::files::{
     CommandedPose, Model, Output, PosesFormat, commands_text, read_model, read_wanted, readings,
 };

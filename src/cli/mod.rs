@@ -2,6 +2,7 @@
 
 pub mod analyze;
 pub mod command;
+mod details;
 pub mod dispatch;
 pub mod error;
 pub mod identify;

@@ -1,9 +1,9 @@
 //! `gough plan`: which postures to measure.
 
+use super::details::digits;
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
-use super::summary::digits;
 use crate::design::candidates::MOST;
 use crate::design::{
     Candidates, Criterion, DesignError, Expected, Information, Instrument, Plan, Settings, plan,

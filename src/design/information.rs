@@ -2,13 +2,12 @@
 //! (docs/theory.md section 11).
 
 use super::candidates::{Candidate, DesignError};
-use crate::calibration::{Calibration, Sample};
+use crate::calibration::{Calibration, Postures, Sample, close_at};
 use crate::linalg;
 use crate::measure::pose::NotPositive;
 use crate::measure::{Measurement, Pose, Weights};
 use crate::model::Mechanism;
 use crate::problem::{Form, Problem};
-use crate::simulate::close;
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 use nalgebra::Matrix6;
@@ -164,13 +163,18 @@ pub fn log_det(a: &Mat<f64>) -> Option<f64> {
 fn as_drawn(mechanism: &Mechanism, samples: &[Sample]) -> (Vec<Sample>, Vec<String>) {
     let nominal = mechanism.nominal();
     let (mut drawn, mut left_out) = (Vec::with_capacity(samples.len()), Vec::new());
+    let mut postures = Postures::new(mechanism);
     for sample in samples {
-        match close(mechanism, &nominal, &sample.actuators) {
-            Ok(posture) => {
-                let measurement = sample.measurement.expected(&posture.tool());
-                drawn.push(Sample { measurement, ..sample.clone() });
-            }
-            Err(_) => left_out.push(sample.name.clone()),
+        let first = close_at(mechanism, &nominal, &sample.actuators, None, &mut postures.first);
+        let second = sample
+            .measurement
+            .second()
+            .map_or(Ok(()), |other| close_at(mechanism, &nominal, other, None, &mut postures.second));
+        if first.and(second).is_ok() {
+            let measurement = sample.measurement.expected(&postures.view(sample, &nominal));
+            drawn.push(Sample { measurement, ..sample.clone() });
+        } else {
+            left_out.push(sample.name.clone());
         }
     }
     (drawn, left_out)

@@ -8,7 +8,7 @@ use super::json;
 use super::place::Place;
 use super::problem::Model;
 use super::readings::variables;
-use super::table::{self, PoseColumns, TableRequest};
+use super::table::{self, OtherColumns, PoseColumns, TableRequest};
 use serde::Deserialize;
 use std::io;
 use std::path::Path;
@@ -89,7 +89,13 @@ fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>
 fn from_table(file: &str, short: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
     let names = model.mechanism.actuator_names();
     let parse = |columns: Option<&ColumnsDrawing>| {
-        let request = TableRequest { actuators: &names, columns, filter: None, poses: PoseColumns::Ignored };
+        let request = TableRequest {
+            actuators: &names,
+            columns,
+            filter: None,
+            poses: PoseColumns::Ignored,
+            others: OtherColumns::default(),
+        };
         table::parse(file, bytes, &request)
     };
     let table = match (parse(None), &model.columns) {

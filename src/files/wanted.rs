@@ -9,7 +9,7 @@ use super::pose::PoseDrawing;
 use super::poses::{PosesFormat, poses_text};
 use super::problem::Model;
 use super::readings::variables;
-use super::table::{self, PoseColumns, TableRequest};
+use super::table::{self, OtherColumns, PoseColumns, TableRequest};
 use super::units::Units;
 use crate::lie::Se3;
 use nalgebra::Vector6;
@@ -86,7 +86,9 @@ fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<WantedPose>,
 fn from_table(file: &str, short: &str, bytes: &[u8], model: &Model) -> Result<Vec<WantedPose>, FileError> {
     let names = model.mechanism.actuator_names();
     let parse = |actuators: &[String]| {
-        let request = TableRequest { actuators, columns: None, filter: None, poses: PoseColumns::Complete };
+        let others = OtherColumns::default();
+        let request =
+            TableRequest { actuators, columns: None, filter: None, poses: PoseColumns::Complete, others };
         table::parse(file, bytes, &request)
     };
     let (table, has_readings) = match parse(&names) {

@@ -1,5 +1,9 @@
 //! Seeded synthetic measurements of a machine whose truth is known.
 
+pub mod readings;
+
+pub use readings::{SimulatedSet, read, simulate_sets};
+
 use crate::lie::{Se3, so3};
 use crate::model::inverse::close_from_home;
 use crate::model::{Geometry, Joint, Mechanism, NotClosed, Posture, Prior};
@@ -32,6 +36,17 @@ pub enum SimulateError {
         wanted: usize,
         /// Why the last one failed.
         last: NotClosed,
+    },
+    /// Too few postures touch.
+    #[error(
+        "only {found} of {wanted} postures touch within the actuators' ranges; move the plane, or state wider \"range\" \
+         on the actuated joints"
+    )]
+    Contact {
+        /// Postures found.
+        found: usize,
+        /// Postures wanted.
+        wanted: usize,
     },
     /// The covariance has no square root.
     #[error("the noise covariance is not positive definite")]
@@ -70,7 +85,7 @@ fn stream(seed: u64, number: u64) -> ChaCha8Rng {
     rng
 }
 
-/// Link deviations (rad, m) drawn from `distance` times the tolerances; free and held links stay as drawn.
+/// Deviations of links (rad, m) and of the instrument's constants drawn from `distance` times the tolerances; free and held links stay as drawn.
 pub fn draw_deviations(mechanism: &Mechanism, seed: u64, distance: f64) -> Vec<f64> {
     let mut rng = stream(seed, 0);
     let mut deviations = Vec::with_capacity(mechanism.component_count());
@@ -84,6 +99,13 @@ pub fn draw_deviations(mechanism: &Mechanism, seed: u64, distance: f64) -> Vec<f
                 });
             }
         }
+    }
+    for constant in &mechanism.instrument {
+        let normal: f64 = StandardNormal.sample(&mut rng);
+        deviations.push(match constant.prior {
+            Prior::Sigma(sigma) => normal * sigma * distance,
+            Prior::Held | Prior::Free => 0.0,
+        });
     }
     deviations
 }
