@@ -57,6 +57,7 @@
 pub mod calibration;
 pub mod cli;
 pub mod files;
+pub mod formats;
 pub mod identify;
 pub mod lie;
 pub mod linalg;

@@ -1,7 +1,7 @@
 //! Commands and their arguments.
 
 use super::error::CliError;
-use super::{analyze, identify, predict, simulate, solvers};
+use super::{analyze, export, identify, import, predict, simulate, solvers};
 use clap::{Parser, Subcommand};
 
 /// Kinematic calibration of parallel and serial manipulators.
@@ -22,6 +22,10 @@ enum Command {
     Predict(predict::Args),
     /// Draw a true machine from the tolerances and measure it
     Simulate(simulate::Args),
+    /// Make a problem of a machine or of measurements in another format
+    Import(import::Args),
+    /// Write a calibrated machine for other programs
+    Export(export::Args),
     /// List the identifiers
     Solvers,
 }
@@ -42,6 +46,8 @@ pub fn run(cli: &Cli) -> Result<Ending, CliError> {
         Command::Analyze(args) => analyze::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Simulate(args) => simulate::run(args),
+        Command::Import(args) => import::run(args),
+        Command::Export(args) => export::run(args),
         Command::Solvers => solvers::run(),
     }
 }

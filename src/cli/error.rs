@@ -1,6 +1,7 @@
 //! Everything that ends a command with exit status 2.
 
 use crate::files::FileError;
+use crate::formats::FormatError;
 use crate::identify::IdentifyError;
 use crate::model::NotClosed;
 use crate::model::mobility::MobilityError;
@@ -15,6 +16,9 @@ pub enum CliError {
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A foreign file.
+    #[error(transparent)]
+    Format(#[from] FormatError),
     /// A machine that the model does not describe.
     #[error("{file}: mechanism: {why}")]
     Mobility {

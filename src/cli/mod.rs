@@ -3,7 +3,10 @@
 pub mod analyze;
 pub mod dispatch;
 pub mod error;
+pub mod export;
 pub mod identify;
+pub mod import;
+pub mod import_csv;
 pub mod predict;
 pub mod progress;
 pub mod simulate;
