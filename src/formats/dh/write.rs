@@ -15,6 +15,8 @@ use nalgebra::Vector3;
 const PARALLEL: f64 = 1e-9;
 /// Lengths (m) and angles (rad) below which a fixed row does nothing.
 const NOTHING: f64 = 1e-13;
+/// Numbers below this are rounding of zero, rad or m, and written so.
+const ROUNDING: f64 = 1e-15;
 /// Half of the range of an angular joint without one, rad.
 const ANGULAR_RANGE: f64 = std::f64::consts::PI;
 /// Half of the range of a prismatic joint without one, m.
@@ -206,7 +208,7 @@ impl Table {
                 units.from_metres(row.a),
                 units.from_radians(row.alpha),
             ]
-            .map(|v| if v == 0.0 { "0".to_owned() } else { format!("{v:?}") });
+            .map(|v| if v.abs() < ROUNDING { "0".to_owned() } else { format!("{v:?}") });
             text.push_str(&format!("{},{},{},{range}\n", cell(&row.name), row.kind.letter(), numbers.join(",")));
         }
         text
