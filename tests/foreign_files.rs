@@ -27,7 +27,7 @@ fn urdf() {
     const LINE: &str = "urdf {0} --base world --tool tool";
     let refused = |edit, parts: &[&str]| refused(LINE, "skew-6r.urdf", edit, parts);
     let j5 = "<joint name=\"j5\" type=\"revolute\">";
-    refused((j5, "<joint name=\"j5\" type=\"floating\">"), &["line 77 (<joint> `j5`)", "is `floating`", "prismatic"]);
+    refused((j5, "<joint name=\"j5\" type=\"floating\">"), &["line 74 (<joint> `j5`)", "is `floating`", "prismatic"]);
     refused((j5, "<joint name=\"j5\" type=\"planar\">"), &["`planar`"]);
     refused((j5, "<joint name=\"j5\" type=\"revolute\"><mimic joint=\"j2\"/>"), &["`j5` mimics `j2`"]);
     refused((j5, "<joint name=\"j4\" type=\"revolute\">"), &["called `j4`"]);
@@ -85,8 +85,8 @@ fn mjcf() {
     refused(("<joint name=\"leg6_u\" type=\"hinge\" axis=\"1 0 0\"/>", "<joint name=\"leg6_w\" type=\"ball\"/>"), &[
         "can spin", "ball6",
     ]);
-    refused(("body2=\"rod2\"", "body2=\"rood\""), &["no body `rood`", "line 67 (<connect> `ball2`)"]);
-    refused(("class=\"strut\"/></body>", "class=\"strutt\"/></body>"), &[]);
+    refused(("body2=\"rod2\"", "body2=\"rood\""), &["no body `rood`", "line 61 (<connect> `ball2`)"]);
+    refused(("class=\"strut\"/><geom", "class=\"strutt\"/><geom"), &["no default class `strutt`"]);
     refused(("<joint name=\"leg1_s\" ref=\"0.01\"/>", "<joint name=\"leg1_s\" type=\"screw\"/>"), &["`type` is `screw`"]);
     refused(("<equality>", "<equality><joint joint1=\"leg1_s\" joint2=\"leg2_s\"/>"), &["`leg1_s` is coupled"]);
     refused(("<worldbody>", "<worldbody><replicate count=\"2\"/>"), &["<replicate> is a macro"]);

@@ -209,6 +209,7 @@ impl Filling<'_> {
             measured.measurement(&self.weight).map_err(|_| pose_at.error(Fault::NotPositive))?;
         self.set.samples.push(Sample { name, actuators, measurement });
         self.set.measured.push(measured);
+        self.set.written.push(pose.clone());
         Ok(())
     }
 }

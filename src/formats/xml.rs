@@ -111,6 +111,18 @@ pub fn turn(axis: usize, angle: f64) -> Matrix3<f64> {
     so3::exp(&w)
 }
 
+/// The rotation that turns one unit vector into another the shortest way; half a turn where they are opposite.
+pub fn shortest_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Matrix3<f64> {
+    let (cross, cosine) = (so3::hat(&from.cross(to)), from.dot(to));
+    if cosine < -1.0 + 1e-12 {
+        let mut seed = Vector3::zeros();
+        seed[from.iamin()] = 1.0;
+        let axis = from.cross(&seed).normalize();
+        return axis * axis.transpose() * 2.0 - Matrix3::identity();
+    }
+    Matrix3::identity() + cross + cross * cross / (1.0 + cosine)
+}
+
 /// A motion by its rotation and position.
 pub fn motion(r: Matrix3<f64>, p: [f64; 3]) -> Se3 {
     Se3 { r, p: Vector3::from(p) }

@@ -2,7 +2,7 @@
 
 use super::classes::Compiler;
 use crate::formats::error::{FormatError, Wrong};
-use crate::formats::xml::{Xml, turn};
+use crate::formats::xml::{Xml, shortest_turn, turn};
 use crate::lie::{Se3, so3};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use roxmltree::Node;
@@ -41,9 +41,7 @@ fn rotation(xml: &Xml<'_>, compiler: &Compiler<'_>, node: Node<'_, '_>) -> Resul
         return Ok(Matrix3::from_columns(&[x, y, x.cross(&y)]));
     }
     if let Some(z) = xml.direction(node, "zaxis")? {
-        let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &z).unwrap_or_else(half_turn);
-        return Ok(turn.to_rotation_matrix().into_inner());
+        return Ok(shortest_turn(&Vector3::z(), &z));
     }
     Ok(Matrix3::identity())
 }

@@ -3,12 +3,12 @@
 use super::tree::{ChainJoint, chain};
 use super::{escaped, origin_element};
 use crate::formats::error::FormatError;
-use crate::formats::xml::{Xml, child};
+use crate::formats::xml::{Xml, child, shortest_turn};
 use crate::formats::{Axis, Chain, Wrong};
 use crate::lie::Se3;
 use crate::model::Mechanism;
 use crate::model::mechanism::pose_difference;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
 
 /// Origins that agree to this (rad and m) keep their text.
@@ -105,11 +105,10 @@ fn registration(joints: &[ChainJoint<'_, '_>], machine: &Chain) -> Se3 {
 /// The joint's frame, turned and moved the shortest way so that its axis is the machine's.
 fn on_axis(drawn: &Se3, local: &Vector3<f64>, axis: &Axis) -> Se3 {
     let (from, to) = (drawn.r * local, axis.direction());
-    let turn = UnitQuaternion::rotation_between(&from, &to)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let turn = shortest_turn(&from, &to);
     let along = to.dot(&(drawn.p - axis.frame.p));
     let p = if axis.motion.is_angular() { axis.frame.p + to * along } else { drawn.p };
-    let near = Se3 { r: turn.to_rotation_matrix().matrix() * drawn.r, p };
+    let near = Se3 { r: turn * drawn.r, p };
     if apart(&near, drawn) > SAME { near } else { *drawn }
 }
 
