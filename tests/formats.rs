@@ -19,7 +19,10 @@ fn independent(name: &str) -> PathBuf {
 #[track_caller]
 fn import(line: &str, source: &Path, to: &Path) {
     let ran = gough(&format!("import {line} -o {{1}}"), &[source, to]);
-    assert!(ran.status == 0 && ran.stdout.is_empty() && ran.stderr.contains("to identify"), "{line}: {ran:?}");
+    assert!(
+        ran.status == 0 && ran.stdout.is_empty() && ran.stderr.contains("to identify"),
+        "{line}: {ran:?}"
+    );
 }
 
 #[track_caller]
@@ -105,7 +108,10 @@ fn a_urdf_comes_back_as_it_was_and_a_calibrated_one_moves_as_the_machine() {
         assert_eq!(fs::read_to_string(at("same.urdf")).unwrap(), fs::read_to_string(&source).unwrap());
         export(&into, &[&at("moved.json"), &source, &at("moved.urdf")]);
         export("{0} --format urdf -o {1}", &[&at("moved.json"), &at("plain.urdf")]);
-        let ran = done("predict {0} --actuators {1} -o {2}", &[&at("moved.json"), &independent(name), &at("p.json")]);
+        let ran = done(
+            "predict {0} --actuators {1} -o {2}",
+            &[&at("moved.json"), &independent(name), &at("p.json")],
+        );
         assert!(ran.stdout.is_empty());
         let drawn = against(&at("drawn.json"), &at("p.json"));
         assert!(drawn.position_rms > 1e-3 && drawn.rotation_rms > 1e-3, "{drawn:?}");
@@ -116,7 +122,9 @@ fn a_urdf_comes_back_as_it_was_and_a_calibrated_one_moves_as_the_machine() {
         // What is not part of the chain is there, byte for byte.
         let kept = fs::read_to_string(at("moved.urdf")).unwrap();
         let original = fs::read_to_string(&source).unwrap();
-        for line in original.lines().filter(|line| !line.contains("<origin") && !line.contains("<child link=\"k6\"")) {
+        for line in
+            original.lines().filter(|line| !line.contains("<origin") && !line.contains("<child link=\"k6\""))
+        {
             assert!(kept.contains(line), "{line}");
         }
     }
@@ -138,13 +146,13 @@ fn a_template_fits_a_machine_that_stands_elsewhere() {
         joint["axis"] = turn(&joint["axis"], [0.0; 3]);
     }
     let moved = write(folder.path(), "moved.json", &problem);
-    export("{0} --format urdf --template {1} --base world --tool tool -o {2}", &[
-        &moved,
-        &model("skew-6r.urdf"),
-        &at("moved.urdf"),
-    ]);
+    export(
+        "{0} --format urdf --template {1} --base world --tool tool -o {2}",
+        &[&moved, &model("skew-6r.urdf"), &at("moved.urdf")],
+    );
     // One origin says where the base is, and the last one where the tool is: all others are as they were.
-    let (new, old) = (fs::read_to_string(at("moved.urdf")).unwrap(), fs::read_to_string(model("skew-6r.urdf")).unwrap());
+    let (new, old) =
+        (fs::read_to_string(at("moved.urdf")).unwrap(), fs::read_to_string(model("skew-6r.urdf")).unwrap());
     let changed: Vec<&str> = new.lines().filter(|line| !old.contains(line)).collect();
     assert!(changed.iter().all(|line| line.contains("<origin")), "{changed:?}");
     done("predict {0} --actuators {1} -o {2}", &[&moved, &independent("skew-6r"), &at("p.json")]);
@@ -195,8 +203,12 @@ fn a_table_comes_back_and_says_what_it_cannot_express() {
     let said = export("{0} --format dh -o {1}", &[&skew, &at("far.csv")]);
     assert!(said.contains("--parallel ANGLE"), "{said}");
     let said = export("{0} --format dh --parallel 1e-5 -o {1}", &[&skew, &at("near.csv")]);
-    assert!(said.contains("shoulder and elbow are written as parallel; they are 1.00e-6 rad apart"), "{said}");
-    let error: f64 = said.split("joints' ranges: ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!(
+        said.contains("shoulder and elbow are written as parallel; they are 1.00e-6 rad apart"),
+        "{said}"
+    );
+    let error: f64 =
+        said.split("joints' ranges: ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     assert!(error > 1e-7 && error < 2e-6, "{said}");
 }
 
@@ -212,7 +224,12 @@ fn deviations_are_a_table() {
     assert_eq!(rows.len(), 7);
     for (row, link) in rows.iter().zip(result["links"].as_array().unwrap()) {
         assert_eq!((row.get(0), row.get(1)), (link["limb"].as_str(), link["link"].as_str()));
-        let wanted = [&link["deviation"]["rotation"], &link["deviation"]["translation"], &link["std"]["rotation"], &link["std"]["translation"]];
+        let wanted = [
+            &link["deviation"]["rotation"],
+            &link["deviation"]["translation"],
+            &link["std"]["rotation"],
+            &link["std"]["translation"],
+        ];
         let wanted: Vec<f64> = wanted.iter().flat_map(|v| support::numbers(v)).collect();
         let found: Vec<f64> = row.iter().skip(2).map(|cell| cell.parse().unwrap()).collect();
         assert_eq!(found, wanted);

@@ -77,7 +77,9 @@ pub fn corrections(mechanism: &Mechanism, data: &[Reading]) -> Vec<Correction> {
         }
     }
     for i in 0..joints.len() {
-        list.extend((i + 1..joints.len()).filter(|&j| angular[i] == angular[j]).map(|j| Correction::Swapped(i, j)));
+        list.extend(
+            (i + 1..joints.len()).filter(|&j| angular[i] == angular[j]).map(|j| Correction::Swapped(i, j)),
+        );
     }
     if joints.len() > 1 {
         list.push(Correction::AllReversed);
@@ -143,7 +145,9 @@ impl Correction {
         let q = &mut reading.actuators;
         match self {
             Correction::PositionScale(factor) => reading.position *= *factor,
-            Correction::PositionOrder(order) => reading.position = Vector3::from(order.map(|i| reading.position[i])),
+            Correction::PositionOrder(order) => {
+                reading.position = Vector3::from(order.map(|i| reading.position[i]))
+            }
             Correction::RotationScale(factor) => {
                 let w = vector(reading)? * *factor;
                 (reading.rotation, reading.vector) = (Some(so3::exp(&w)), Some(w));
@@ -159,7 +163,9 @@ impl Correction {
             }
             Correction::Transposed => turned(reading, reading.rotation?.transpose()),
             Correction::QuaternionOrder => {
-                let read = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(reading.rotation?));
+                let read = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(
+                    reading.rotation?,
+                ));
                 let q = Quaternion::new(read.k, read.w, read.i, read.j);
                 turned(reading, UnitQuaternion::from_quaternion(q).to_rotation_matrix().into_inner());
             }
@@ -169,7 +175,9 @@ impl Correction {
                 turned(reading, inverse.r);
             }
             Correction::ActuatorScale(sliding, factor) => {
-                for (reading, _) in q.iter_mut().zip(joints).filter(|(_, j)| j.motion.is_angular() != *sliding) {
+                for (reading, _) in
+                    q.iter_mut().zip(joints).filter(|(_, j)| j.motion.is_angular() != *sliding)
+                {
                     *reading *= *factor;
                 }
             }
@@ -194,13 +202,17 @@ impl Correction {
     pub fn words(&self, mechanism: &Mechanism) -> String {
         let names = mechanism.actuator_names();
         let name = |i: &usize| names.get(*i).cloned().unwrap_or_default();
-        let lengths = |factor: f64| if factor < 1.0 { "mm where the file means m" } else { "m where the file means mm" };
+        let lengths = |factor: f64| {
+            if factor < 1.0 { "mm where the file means m" } else { "m where the file means mm" }
+        };
         let angles = |factor: f64| match factor {
             f if f < 1.0 => "degrees where the file means rad",
             _ => "rad where the file means degrees",
         };
         match self {
-            Correction::PositionScale(f) => format!("measured positions look like {}: scale them by {f}", lengths(*f)),
+            Correction::PositionScale(f) => {
+                format!("measured positions look like {}: scale them by {f}", lengths(*f))
+            }
             Correction::RotationScale(f) => format!("measured rotations look like {}", angles(*f)),
             Correction::ActuatorScale(true, f) => {
                 format!("readings of sliding actuators look like {}: scale them by {f}", lengths(*f))
@@ -211,34 +223,53 @@ impl Correction {
             Correction::Transposed => {
                 "measured rotations look transposed (from {S} to {T}): invert them".to_owned()
             }
-            Correction::QuaternionOrder => "quaternions look like [x, y, z, w]: write [w, x, y, z]".to_owned(),
+            Correction::QuaternionOrder => {
+                "quaternions look like [x, y, z, w]: write [w, x, y, z]".to_owned()
+            }
             Correction::Inverted => {
                 "base and tool look exchanged: poses seem to be those of {S} in {T}; invert them".to_owned()
             }
             Correction::Euler(fixed, factor) => {
-                let (axes, unit) = (if *fixed { "fixed" } else { "moving" }, match *factor {
-                    1.0 => "",
-                    f => angles(f),
-                });
+                let (axes, unit) = (
+                    if *fixed { "fixed" } else { "moving" },
+                    match *factor {
+                        1.0 => "",
+                        f => angles(f),
+                    },
+                );
                 let unit = if unit.is_empty() { String::new() } else { format!(", {unit}") };
                 format!("rotations look like angles about {axes} axes x, y, z{unit}: write rotation vectors")
             }
             Correction::Swapped(i, j) => format!("actuators {} and {} look swapped", name(i), name(j)),
             Correction::Shifted(places) => {
-                format!("actuator columns look shifted by {places}: {} seems to be in the column of {}", name(&0), name(places))
+                format!(
+                    "actuator columns look shifted by {places}: {} seems to be in the column of {}",
+                    name(&0),
+                    name(places)
+                )
             }
             Correction::Backwards => "actuator columns look to be in reverse order".to_owned(),
-            Correction::Reversed(i, false) => format!("{} looks reversed: negate its readings, or its axis", name(i)),
-            Correction::Reversed(i, true) => format!("{} looks reversed about its home: turn its axis round", name(i)),
-            Correction::AllReversed => "all actuators look reversed: negate the readings, or the axes".to_owned(),
+            Correction::Reversed(i, false) => {
+                format!("{} looks reversed: negate its readings, or its axis", name(i))
+            }
+            Correction::Reversed(i, true) => {
+                format!("{} looks reversed about its home: turn its axis round", name(i))
+            }
+            Correction::AllReversed => {
+                "all actuators look reversed: negate the readings, or the axes".to_owned()
+            }
             Correction::PositionOrder(order) => {
                 let columns = order.map(|i| ["x", "y", "z"][i]).join(", ");
                 format!("position columns look out of order: x, y, z seem to be {columns}")
             }
-            Correction::FromHome => "readings look counted from home: remove \"home\" of the actuators".to_owned(),
+            Correction::FromHome => {
+                "readings look counted from home: remove \"home\" of the actuators".to_owned()
+            }
             Correction::Elsewhere(FreeEnds { base, tool }) => {
                 let (what, how) = match (base, tool) {
-                    (true, true) => ("base and tool look", "the first joint of every limb, and \"tool_tolerance\","),
+                    (true, true) => {
+                        ("base and tool look", "the first joint of every limb, and \"tool_tolerance\",")
+                    }
                     (true, false) => ("the base looks", "the first joint of every limb"),
                     (false, _) => ("the tool looks", "\"tool_tolerance\""),
                 };

@@ -64,7 +64,8 @@ pub fn search(mechanism: &Mechanism, data: &[Reading], limit: f64) -> Finding {
     let free = FreeEnds::of(mechanism);
     let bare = State::new(mechanism.clone(), chosen);
     let start = bare.clone().registered(free);
-    let nothing = |after| Finding { before: start.misfit, after, corrections: Vec::new(), alternatives: Vec::new() };
+    let nothing =
+        |after| Finding { before: start.misfit, after, corrections: Vec::new(), alternatives: Vec::new() };
     if start.misfit <= limit {
         return nothing(start.misfit);
     }
@@ -80,21 +81,26 @@ pub fn search(mechanism: &Mechanism, data: &[Reading], limit: f64) -> Finding {
             })
             .collect()
     };
-    let best = |tried: &[(usize, State, f64)]| tried.iter().map(|(_, _, misfit)| *misfit).fold(f64::INFINITY, f64::min);
+    let best = |tried: &[(usize, State, f64)]| {
+        tried.iter().map(|(_, _, misfit)| *misfit).fold(f64::INFINITY, f64::min)
+    };
     let explained = |misfit: f64| misfit <= limit || misfit * LARGE <= start.misfit;
     let (mut state, mut misfit, mut made) = (bare.clone(), start.misfit, Vec::new());
     let mut alternatives = Vec::new();
     while made.len() < MOST && misfit > limit {
         let next = tried(&state);
         let least = best(&next);
-        let Some((i, reached, size)) = next.iter().find(|(_, _, m)| *m <= AS_GOOD * least) else { break };
+        // Registered ends also take up some of the tolerances: that alone does not make them the better explanation.
+        let enough = (AS_GOOD * least).max(0.5 * limit);
+        let Some((i, reached, size)) = next.iter().find(|(_, _, m)| *m <= enough) else { break };
         if least > STEP * misfit && misfit.is_finite() {
             break;
         }
         alternatives = next
             .iter()
-            .filter(|(j, _, m)| j != i && *m <= AS_GOOD * least && made.is_empty() && explained(*m))
+            .filter(|(j, _, m)| j != i && *m <= AS_GOOD * size && explained(*m))
             .filter_map(|(j, _, _)| list.get(*j).cloned())
+            .filter(|other| !matches!(other, Correction::Elsewhere(_) | Correction::Offsets))
             .collect();
         made.extend(list.get(*i).cloned());
         (state, misfit) = (reached.clone(), *size);

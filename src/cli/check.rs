@@ -23,7 +23,9 @@ const SURPRISE: f64 = 4.0;
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit status: 0 where nothing looks wrong, 1 where something does, 2 for a file that cannot be read.")]
+#[command(
+    after_help = "Exit status: 0 where nothing looks wrong, 1 where something does, 2 for a file that cannot be read."
+)]
 pub struct Args {
     /// Problem file
     problem: PathBuf,
@@ -45,7 +47,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     } else {
         actuators(&problem, &data, &mut text);
         suspicious |= noise(&problem, &data, &mut text);
-        suspicious |= with_spinner(format!("checking {}", problem.name), || residuals(&problem, &data, &mut text));
+        suspicious |=
+            with_spinner(format!("checking {}", problem.name), || residuals(&problem, &data, &mut text));
         if !suspicious {
             text.push_str("\nnothing suspicious\n");
         }
@@ -78,8 +81,13 @@ fn machine(problem: &ProblemFile, regularity: f64) -> String {
     }
     let wrenches = "six independent wrenches hold the platform at home";
     let _ = match mechanism.limbs.as_slice() {
-        [limb] if limb.passive_count() == 0 => writeln!(text, "mobility: a serial chain, every joint actuated"),
-        _ => writeln!(text, "mobility: {wrenches}; they are {regularity:.3} from a singularity (0) to square (1)"),
+        [limb] if limb.passive_count() == 0 => {
+            writeln!(text, "mobility: a serial chain, every joint actuated")
+        }
+        _ => writeln!(
+            text,
+            "mobility: {wrenches}; they are {regularity:.3} from a singularity (0) to square (1)"
+        ),
     };
     text
 }
@@ -124,7 +132,11 @@ fn actuators(problem: &ProblemFile, data: &[Reading], text: &mut String) {
         let low = used.clone().fold(f64::INFINITY, f64::min);
         let high = used.fold(f64::NEG_INFINITY, f64::max);
         let shown = |v: f64| problem.units.from_joint(joint.motion, v);
-        let unit = if joint.motion.is_angular() { problem.units.angle_symbol() } else { problem.units.length_symbol() };
+        let unit = if joint.motion.is_angular() {
+            problem.units.angle_symbol()
+        } else {
+            problem.units.length_symbol()
+        };
         let range = match joint.range {
             None => "none".to_owned(),
             Some((from, to)) => {
@@ -161,7 +173,11 @@ fn noise(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
     {
         let Some(value) = found_sigma else { continue };
         if found.surprise(value, stated).abs() > SURPRISE {
-            let _ = writeln!(text, "  the stated noise in {what} is {:.2} of that: correct data.noise", stated / value);
+            let _ = writeln!(
+                text,
+                "  the stated noise in {what} is {:.2} of that: correct data.noise",
+                stated / value
+            );
             surprising = true;
         }
     }
@@ -198,11 +214,20 @@ fn residuals(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool
     let worst = order.iter().take(WORST).map(|&k| format!("{} {}", data[k].name, shown(all[k])));
     let _ = writeln!(text, "  worst as drawn: {}", worst.collect::<Vec<_>>().join(", "));
     if finding.before <= limit {
-        let far: Vec<&str> = order.iter().filter(|k| all[**k] > 5.0 * limit.max(median(&all))).map(|k| data[*k].name.as_str()).collect();
+        let far: Vec<&str> = order
+            .iter()
+            .filter(|k| all[**k] > 5.0 * limit.max(median(&all)))
+            .map(|k| data[*k].name.as_str())
+            .collect();
         if far.is_empty() || all.len() < 4 {
             return false;
         }
-        let _ = writeln!(text, "\nsuspicious: {} postures are far from the others: {}", far.len(), far.join(", "));
+        let _ = writeln!(
+            text,
+            "\nsuspicious: {} postures are far from the others: {}",
+            far.len(),
+            far.join(", ")
+        );
         return true;
     }
     text.push('\n');
@@ -230,10 +255,15 @@ fn words(problem: &ProblemFile, data: &[Reading], finding: &Finding, limit: f64,
             && let Some(found) = offsets(&machine.0, &machine.1)
         {
             for ((name, joint), offset) in mechanism.actuator_names().iter().zip(joints(problem)).zip(found) {
-                let least = if joint.motion.is_angular() { limit / mechanism.characteristic_length() } else { limit };
+                let least =
+                    if joint.motion.is_angular() { limit / mechanism.characteristic_length() } else { limit };
                 if offset.abs() > least {
                     let home = units.from_joint(joint.motion, joint.home - offset);
-                    let _ = writeln!(text, "  {name}: \"home\": {home:.6} instead of {:.6}", units.from_joint(joint.motion, joint.home));
+                    let _ = writeln!(
+                        text,
+                        "  {name}: \"home\": {home:.6} instead of {:.6}",
+                        units.from_joint(joint.motion, joint.home)
+                    );
                 }
             }
         }

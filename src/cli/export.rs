@@ -91,7 +91,8 @@ fn dh_text(args: &Args, model: &Model, file: &str) -> Result<String, CliError> {
     }
     let parallel = model.units.to_radians(args.parallel);
     let wrong = |wrong: Wrong| FormatError { at: file.to_owned(), wrong };
-    let table = dh::table(&model.mechanism, args.convention.into(), parallel, args.joint_rows_only).map_err(wrong)?;
+    let table =
+        dh::table(&model.mechanism, args.convention.into(), parallel, args.joint_rows_only).map_err(wrong)?;
     let (length, angle) = (model.units.length_symbol(), model.units.angle_symbol());
     eprintln!(
         "largest error of the table over the joints' ranges: {:.2e} {length}, {:.2e} {angle}",
@@ -99,7 +100,10 @@ fn dh_text(args: &Args, model: &Model, file: &str) -> Result<String, CliError> {
         model.units.from_radians(table.rotation),
     );
     for (axes, apart) in &table.taken_for_parallel {
-        eprintln!("note: {axes} are written as parallel; they are {:.2e} {angle} apart", model.units.from_radians(*apart));
+        eprintln!(
+            "note: {axes} are written as parallel; they are {:.2e} {angle} apart",
+            model.units.from_radians(*apart)
+        );
     }
     if table.farthest > FAR {
         eprintln!(

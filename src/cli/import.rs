@@ -171,7 +171,9 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
 
 impl Machine {
     fn tolerance(&self) -> Result<Option<ToleranceDrawing>, CliError> {
-        let (Some(angle), Some(length)) = (self.tolerance_angle, self.tolerance_length) else { return Ok(None) };
+        let (Some(angle), Some(length)) = (self.tolerance_angle, self.tolerance_length) else {
+            return Ok(None);
+        };
         for (name, value) in [("--tolerance-angle", angle), ("--tolerance-length", length)] {
             if !value.is_finite() || value < 0.0 {
                 return Err(CliError::Usage(format!("{name} must be a number that is not negative")));

@@ -79,7 +79,15 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         let holdout = DataDrawing { kind, origin, samples: Some(samples), ..DataDrawing::default() };
         DataDrawing { holdout: Some(Box::new(holdout)), ..stated }
     } else {
-        DataDrawing { kind, origin, samples: Some(samples), file: None, columns: None, filter: None, ..stated }
+        DataDrawing {
+            kind,
+            origin,
+            samples: Some(samples),
+            file: None,
+            columns: None,
+            filter: None,
+            ..stated
+        }
     });
     output.write(&problem_text(&drawing)?)?;
     eprintln!("{count} rows of {file}; `gough check` says whether they fit the machine");
@@ -135,7 +143,12 @@ impl Map {
         self.0.get(ours).cloned().unwrap_or_else(|| ours.to_owned())
     }
 
-    fn columns(&self, actuators: &[String], header: &[String], file: &str) -> Result<ColumnsDrawing, CliError> {
+    fn columns(
+        &self,
+        actuators: &[String],
+        header: &[String],
+        file: &str,
+    ) -> Result<ColumnsDrawing, CliError> {
         let numbers: Vec<String> = (1..=actuators.len()).map(|i| format!("q{i}")).collect();
         let fixed = POSITION.iter().chain(&ROTATION).chain(&QUATERNION);
         let known: Vec<&str> =

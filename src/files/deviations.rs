@@ -5,8 +5,7 @@ use super::result::ResultFile;
 /// CSV: limb, link, rotation (rx, ry, rz) and translation (tx, ty, tz) in the frame of the joint that the link
 /// carries, then the standard errors of the six, empty where they are not known.
 pub fn deviations_text(result: &ResultFile) -> String {
-    let mut text =
-        "limb,link,rx,ry,rz,tx,ty,tz,std_rx,std_ry,std_rz,std_tx,std_ty,std_tz\n".to_owned();
+    let mut text = "limb,link,rx,ry,rz,tx,ty,tz,std_rx,std_ry,std_rz,std_tx,std_ty,std_tz\n".to_owned();
     for link in &result.links {
         let cells = |d: &super::summary::Deviation| {
             d.rotation.iter().chain(&d.translation).map(|v| format!(",{v:?}")).collect::<String>()

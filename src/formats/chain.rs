@@ -85,7 +85,9 @@ impl Chain {
     /// Pose of the tool at these readings, rad and m.
     pub fn pose(&self, readings: &[f64]) -> Se3 {
         let pairs = self.axes.iter().zip(readings).rev();
-        pairs.fold(self.tool, |tool, (axis, q)| axis.motion.moved(&axis.frame, *q) * axis.frame.inverse() * tool)
+        pairs.fold(self.tool, |tool, (axis, q)| {
+            axis.motion.moved(&axis.frame, *q) * axis.frame.inverse() * tool
+        })
     }
 
     /// The chain as a problem file draws it: one limb, at home where all readings are zero.

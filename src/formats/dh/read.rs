@@ -33,7 +33,8 @@ fn rows(file: &str, text: &str, units: Units) -> Result<Vec<Row>, FormatError> {
     let whole = |wrong| FormatError { at: file.to_owned(), wrong };
     let broken = |why: csv::Error| whole(Wrong::Table(why.to_string()));
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let mut reader =
+        csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
     let header: Vec<String> = reader.headers().map_err(broken)?.iter().map(str::to_lowercase).collect();
     let head = |wrong| FormatError { at: format!("{file} line 1"), wrong };
     for (i, name) in header.iter().enumerate() {

@@ -102,7 +102,10 @@ fn step(next: &Se3, parallel: f64) -> (Step, f64) {
         let a = next.p.x.hypot(next.p.y);
         let theta = if a > NOTHING { next.p.y.atan2(next.p.x) } else { 0.0 };
         let alpha = if z.z > 0.0 { 0.0 } else { std::f64::consts::PI };
-        return (Step { theta, d: 0.0, a: if a > NOTHING { a } else { 0.0 }, alpha }, angle.min(std::f64::consts::PI - angle));
+        return (
+            Step { theta, d: 0.0, a: if a > NOTHING { a } else { 0.0 }, alpha },
+            angle.min(std::f64::consts::PI - angle),
+        );
     }
     // x of the row is the common normal e3 x z; it meets the first axis where the second is nearest.
     let normal = Vector3::new(-z.y, z.x, 0.0) / sine;
@@ -117,7 +120,10 @@ fn step(next: &Se3, parallel: f64) -> (Step, f64) {
         theta -= std::f64::consts::PI.copysign(theta);
         (a, alpha) = (-a, -alpha);
     }
-    (Step { theta, d, a: if a.abs() > NOTHING { a } else { 0.0 }, alpha }, angle.min(std::f64::consts::PI - angle))
+    (
+        Step { theta, d, a: if a.abs() > NOTHING { a } else { 0.0 }, alpha },
+        angle.min(std::f64::consts::PI - angle),
+    )
 }
 
 /// Rows from the screws: a fixed row for {S}, one a joint, a fixed row for {T}; fixed rows that do nothing are left out.
@@ -166,10 +172,14 @@ fn merged(mut rows: Vec<Row>, convention: Convention) -> Vec<Row> {
 /// Largest rotation and displacement between two chains over the ranges of the first: at the ends of each joint's
 /// range, and at postures of a low-discrepancy sequence (Roberts' R_n, from the roots of x^(n+1) = x + 1).
 fn largest_error(machine: &Chain, table: &Chain) -> (f64, f64) {
-    let ranges: Vec<(f64, f64)> = machine.axes.iter().map(|axis| {
-        let half = if axis.motion.is_angular() { ANGULAR_RANGE } else { LINEAR_RANGE };
-        axis.range.unwrap_or((-half, half))
-    }).collect();
+    let ranges: Vec<(f64, f64)> = machine
+        .axes
+        .iter()
+        .map(|axis| {
+            let half = if axis.motion.is_angular() { ANGULAR_RANGE } else { LINEAR_RANGE };
+            axis.range.unwrap_or((-half, half))
+        })
+        .collect();
     let n = ranges.len();
     let mut ratio = 2.0_f64;
     for _ in 0..60 {
@@ -198,10 +208,9 @@ impl Table {
                 RowKind::Prismatic => units.from_metres(value),
                 RowKind::Revolute | RowKind::Fixed => units.from_radians(value),
             };
-            let range = row.range.map_or_else(
-                || ",".to_owned(),
-                |(low, high)| format!("{:?},{:?}", joint(low), joint(high)),
-            );
+            let range = row
+                .range
+                .map_or_else(|| ",".to_owned(), |(low, high)| format!("{:?},{:?}", joint(low), joint(high)));
             let numbers = [
                 units.from_radians(row.theta),
                 units.from_metres(row.d),
@@ -209,7 +218,12 @@ impl Table {
                 units.from_radians(row.alpha),
             ]
             .map(|v| if v.abs() < ROUNDING { "0".to_owned() } else { format!("{v:?}") });
-            text.push_str(&format!("{},{},{},{range}\n", cell(&row.name), row.kind.letter(), numbers.join(",")));
+            text.push_str(&format!(
+                "{},{},{},{range}\n",
+                cell(&row.name),
+                row.kind.letter(),
+                numbers.join(",")
+            ));
         }
         text
     }

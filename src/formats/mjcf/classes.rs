@@ -33,7 +33,8 @@ impl<'a> Compiler<'a> {
                 let why = "global coordinates; save the model with local ones".to_owned();
                 return Err(xml.error(node, Wrong::Unsupported(why)));
             }
-            compiler.autolimits = node.attribute("autolimits").map_or(compiler.autolimits, |text| text != "false");
+            compiler.autolimits =
+                node.attribute("autolimits").map_or(compiler.autolimits, |text| text != "false");
             if let Some(sequence) = node.attribute("eulerseq") {
                 if sequence.len() != 3 || !sequence.chars().all(|c| "xyzXYZ".contains(c)) {
                     let (name, known) = ("eulerseq", "three letters of xyz or XYZ");
@@ -72,7 +73,12 @@ impl<'a, 'i> Classes<'a, 'i> {
     }
 
     /// The element that states `attribute` for `node`: the node itself, or the nearest default of its class.
-    pub fn stating(&self, node: Node<'a, 'i>, inherited: Option<&'a str>, attribute: &str) -> Option<Node<'a, 'i>> {
+    pub fn stating(
+        &self,
+        node: Node<'a, 'i>,
+        inherited: Option<&'a str>,
+        attribute: &str,
+    ) -> Option<Node<'a, 'i>> {
         if node.has_attribute(attribute) {
             return Some(node);
         }
@@ -80,7 +86,9 @@ impl<'a, 'i> Classes<'a, 'i> {
         // As many steps as there are classes: a class within itself cannot be nested.
         for _ in 0..=self.0.len() {
             let class = self.0.get(name)?;
-            if let Some(found) = child(class.node, node.tag_name().name()).filter(|d| d.has_attribute(attribute)) {
+            if let Some(found) =
+                child(class.node, node.tag_name().name()).filter(|d| d.has_attribute(attribute))
+            {
                 return Some(found);
             }
             name = class.parent?;
@@ -89,7 +97,12 @@ impl<'a, 'i> Classes<'a, 'i> {
     }
 
     /// Refuses a class that is not there.
-    pub fn check(&self, xml: &Xml<'_>, node: Node<'_, '_>, attribute: &'static str) -> Result<(), FormatError> {
+    pub fn check(
+        &self,
+        xml: &Xml<'_>,
+        node: Node<'_, '_>,
+        attribute: &'static str,
+    ) -> Result<(), FormatError> {
         match node.attribute(attribute) {
             Some(name) if name != MAIN && !self.0.contains_key(name) => {
                 let known = crate::formats::xml::listed(self.0.keys().copied());

@@ -28,7 +28,8 @@ pub fn read(file: &str, text: &str, request: &Request<'_>) -> Result<Imported, F
     let model = Model::read(&xml)?;
     let mut ties = Ties::read(&xml, &model)?;
     let missing = |what, name: &str| {
-        let known = listed(model.bodies.iter().map(|body| body.name.as_str()).chain(model.sites.keys().copied()));
+        let known =
+            listed(model.bodies.iter().map(|body| body.name.as_str()).chain(model.sites.keys().copied()));
         xml.whole(Wrong::Missing { what, found: quoted(name), known })
     };
     let base = match request.base {
@@ -77,7 +78,9 @@ pub fn read(file: &str, text: &str, request: &Request<'_>) -> Result<Imported, F
         notes.push("the model has no actuators: every joint of the chain counts as actuated".into());
         driven = joints().filter_map(|joint| joint.name).collect();
     }
-    if let Some(ball) = joints().find(|j| j.kind == JointKind::Ball && j.name.is_some_and(|n| driven.contains(&n))) {
+    if let Some(ball) =
+        joints().find(|j| j.kind == JointKind::Ball && j.name.is_some_and(|n| driven.contains(&n)))
+    {
         let why = format!("the ball joint {} is actuated", quoted(ball.name.unwrap_or_default()));
         return Err(whole(Wrong::NotLimbs(why)));
     }

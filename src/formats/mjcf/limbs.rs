@@ -46,8 +46,7 @@ pub fn limbs<'a>(
         if used[first] || (a != start && b != start) {
             continue;
         }
-        let mut limb =
-            LimbPath { name: None, joints: Vec::new(), platform: graph.inside[base].inverse() };
+        let mut limb = LimbPath { name: None, joints: Vec::new(), platform: graph.inside[base].inverse() };
         let (mut here, mut next) = (start, first);
         loop {
             used[next] = true;
@@ -66,7 +65,10 @@ pub fn limbs<'a>(
             };
         }
         if here == start {
-            let why = format!("a loop leaves the base and returns to it without the platform, through {}", limb.words());
+            let why = format!(
+                "a loop leaves the base and returns to it without the platform, through {}",
+                limb.words()
+            );
             return Err(Wrong::NotLimbs(why));
         }
         limbs.push(limb);
@@ -117,7 +119,14 @@ impl<'a> LimbPath<'a> {
                 };
                 let point = first.r * point + first.p;
                 let (kind, axis) = (JointKind::Ball, Vector3::z());
-                self.joints.push(LimbJoint { name: tie.name, kind, point, axis, range: None, reference: 0.0 });
+                self.joints.push(LimbJoint {
+                    name: tie.name,
+                    kind,
+                    point,
+                    axis,
+                    range: None,
+                    reference: 0.0,
+                });
                 self.platform = match forward {
                     true => first * tie.relative * to.inverse(),
                     false => first * from.inverse(),
@@ -151,6 +160,8 @@ impl<'a> LimbPath<'a> {
     }
 
     fn words(&self) -> String {
-        crate::formats::xml::listed(self.joints.iter().map(|joint| joint.name.unwrap_or("a joint without a name")))
+        crate::formats::xml::listed(
+            self.joints.iter().map(|joint| joint.name.unwrap_or("a joint without a name")),
+        )
     }
 }

@@ -33,7 +33,8 @@ impl<'a> Ties<'a> {
     pub fn read(xml: &'a Xml<'_>, model: &Model<'a>) -> Result<Self, FormatError> {
         let root = xml.document.root_element();
         let mut found = Ties::default();
-        for node in children(root, "equality").flat_map(|section| section.children()).filter(Node::is_element) {
+        for node in children(root, "equality").flat_map(|section| section.children()).filter(Node::is_element)
+        {
             if node.attribute("active") == Some("false") {
                 continue;
             }
@@ -45,7 +46,8 @@ impl<'a> Ties<'a> {
                 other => found.notes.push(format!("equality <{other}> is left aside")),
             }
         }
-        for node in children(root, "actuator").flat_map(|section| section.children()).filter(Node::is_element) {
+        for node in children(root, "actuator").flat_map(|section| section.children()).filter(Node::is_element)
+        {
             match node.attribute("joint").or_else(|| node.attribute("jointinparent")) {
                 Some(joint) if found.driven.contains(&joint) => {}
                 Some(joint) => found.driven.push(joint),
@@ -89,7 +91,8 @@ fn tie<'a>(xml: &'a Xml<'_>, model: &Model<'a>, node: Node<'a, '_>) -> Result<Ti
     let (a, b) = (body("body1")?, body("body2")?);
     let mut relative = world(a).inverse() * world(b);
     if connect {
-        let point = xml.numbers::<3>(node, "anchor")?.ok_or_else(|| xml.error(node, Wrong::NoAttribute("anchor")))?;
+        let point =
+            xml.numbers::<3>(node, "anchor")?.ok_or_else(|| xml.error(node, Wrong::NoAttribute("anchor")))?;
         return Ok(Tie { name, bodies: (a, b), relative, point: Some(Vector3::from(point)) });
     }
     if let Some([x, y, z, q @ ..]) = xml.numbers::<7>(node, "relpose")?

@@ -87,8 +87,7 @@ fn registration(joints: &[ChainJoint<'_, '_>], machine: &Chain) -> Se3 {
     }
     let mean = |points: &[Vector3<f64>]| points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
     let (centre, target) = (mean(&from), mean(&to));
-    let sum: Matrix3<f64> =
-        from.iter().zip(&to).map(|(a, b)| (b - target) * (a - centre).transpose()).sum();
+    let sum: Matrix3<f64> = from.iter().zip(&to).map(|(a, b)| (b - target) * (a - centre).transpose()).sum();
     let svd = sum.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Se3::identity() };
     // One axis alone leaves a turn about it open: the template then stays as it is.
@@ -132,7 +131,8 @@ fn origin_edit(joint: &ChainJoint<'_, '_>, origin: &Se3) -> Edit {
 
 /// Puts a fixed joint with this origin between the last moving joint and its child link.
 fn mount(xml: &Xml<'_>, joint: &ChainJoint<'_, '_>, origin: &Se3) -> Result<Vec<Edit>, FormatError> {
-    let below = child(joint.node, "child").ok_or_else(|| xml.error(joint.node, Wrong::NoAttribute("child")))?;
+    let below =
+        child(joint.node, "child").ok_or_else(|| xml.error(joint.node, Wrong::NoAttribute("child")))?;
     let link = escaped(xml.text(below, "link")?);
     let between = format!("{link}_axis");
     let added = format!(

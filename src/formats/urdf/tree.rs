@@ -29,7 +29,9 @@ pub fn chain<'a, 'i>(
     tool: &str,
 ) -> Result<Vec<ChainJoint<'a, 'i>>, FormatError> {
     let robot = xml.document.root_element();
-    if let Some(source) = robot.children().find(|n| n.tag_name().namespace().is_some_and(|ns| ns.contains("xacro"))) {
+    if let Some(source) =
+        robot.children().find(|n| n.tag_name().namespace().is_some_and(|ns| ns.contains("xacro")))
+    {
         return Err(xml.error(source, Wrong::Xacro));
     }
     let mut links: Vec<&str> = Vec::new();
