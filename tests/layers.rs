@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 13] = [
+const LAYERS: [(&str, &[&str]); 15] = [
     ("lie", &[]),
     ("linalg", &["problem"]),
     // A problem knows no robot, no file and no terminal.
@@ -18,7 +18,9 @@ const LAYERS: [(&str, &[&str]); 13] = [
     ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "solve"]),
     // Plans postures; what it plans for and where it writes is not its business.
     ("design", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "identify"]),
+    ("check", &["lie", "model", "measure", "calibration", "simulate", "identify"]),
     ("files", &["lie", "model", "measure", "calibration"]),
+    ("formats", &["lie", "model", "files"]),
     (
         "cli",
         &[
@@ -32,7 +34,9 @@ const LAYERS: [(&str, &[&str]); 13] = [
             "simulate",
             "identify",
             "design",
+            "check",
             "files",
+            "formats",
         ],
     ),
     ("lib", &[]),

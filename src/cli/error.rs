@@ -2,6 +2,7 @@
 
 use crate::design::DesignError;
 use crate::files::FileError;
+use crate::formats::FormatError;
 use crate::identify::IdentifyError;
 use crate::model::NotClosed;
 use crate::model::mobility::MobilityError;
@@ -16,6 +17,9 @@ pub enum CliError {
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A foreign file.
+    #[error(transparent)]
+    Format(#[from] FormatError),
     /// A machine that the model does not describe.
     #[error("{file}: mechanism: {why}")]
     Mobility {

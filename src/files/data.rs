@@ -357,6 +357,7 @@ impl Filling<'_> {
         let (measurement, measured) = self.reader.measurement(&written, &self.weight, own)?;
         self.set.samples.push(Sample { name, actuators, measurement });
         self.set.measured.push(measured);
+        self.set.written.push(sample.pose);
         Ok(())
     }
 

@@ -4,7 +4,7 @@ use super::data::SampleDrawing;
 use super::error::{FileError, quoted};
 use super::fault::Fault;
 use super::place::Place;
-use super::pose::Components;
+use super::pose::{Components, PoseDrawing};
 use crate::calibration::Sample;
 use crate::lie::Se3;
 use crate::measure::pose::NotPositive;
@@ -110,6 +110,8 @@ pub struct DataSet {
     pub samples: Vec<Sample>,
     /// What was measured in each of the samples.
     pub measured: Vec<MeasuredPose>,
+    /// The same as the file writes it, in its units.
+    pub written: Vec<PoseDrawing>,
     /// Covariance of a measured pose (rotation first, rad and m), where it is stated for all samples.
     pub noise: Option<Matrix6<f64>>,
     /// Where the data come from, in words.
@@ -150,6 +152,7 @@ impl DataSet {
             kind: first.map_or(Kind::default(), |set| set.kind),
             samples: sets.iter().flat_map(|set| set.samples.iter().cloned()).collect(),
             measured: sets.iter().flat_map(|set| set.measured.iter().cloned()).collect(),
+            written: sets.iter().flat_map(|set| set.written.iter().cloned()).collect(),
             noise: first.and_then(|set| set.noise),
             origin,
             blanks: Vec::new(),
