@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const ROTATION: [&str; 3] = ["rx", "ry", "rz"];
 const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
+/// Standard deviations of predicted poses; nothing is read from them.
+const STD: [&str; 6] = ["sx", "sy", "sz", "srx", "sry", "srz"];
 
 /// Names of the columns of a table that does not use ours. Columns that are not named are left aside.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -102,7 +104,7 @@ impl Header<'_> {
 
     /// Refuses columns that mean nothing, where the table uses our names.
     fn check_known(&self, layout: &Layout) -> Result<(), FileError> {
-        let ours = POSITION.iter().chain(&ROTATION).chain(&QUATERNION);
+        let ours = POSITION.iter().chain(&ROTATION).chain(&QUATERNION).chain(&STD);
         let ours: Vec<&str> = ours.copied().collect();
         let unknown = self.names.iter().enumerate().find(|(i, name)| {
             !layout.actuators.contains(i)

@@ -19,6 +19,11 @@ pub enum Fault {
     #[error("the format is {found}; expected {expected}")]
     Format { found: String, expected: &'static str },
 
+    #[error("{found} numbers where {wanted} belong")]
+    Length { found: usize, wanted: usize },
+    #[error("{0} is no share; it lies between 0 and 1")]
+    Share(f64),
+
     #[error("{0} is not a finite number")]
     NotFinite(f64),
     #[error("{value} {unit} is too large: the limit is {limit} {unit}; are the units right?")]

@@ -69,11 +69,17 @@ pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) 
 
 /// Scores the geometry; `None` where no sample closes.
 pub fn score(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Option<Fit> {
-    let scored: Vec<Option<(crate::measure::PoseError, f64, usize)>> = samples
+    let pairs: Vec<(&Geometry, &Sample)> = samples.iter().map(|sample| (geometry, sample)).collect();
+    score_each(mechanism, &pairs)
+}
+
+/// Scores each sample by a geometry of its own; `None` where none closes.
+pub fn score_each(mechanism: &Mechanism, pairs: &[(&Geometry, &Sample)]) -> Option<Fit> {
+    let scored: Vec<Option<(crate::measure::PoseError, f64, usize)>> = pairs
         .par_iter()
         .map_init(
             || Posture::new(mechanism),
-            |posture, sample| {
+            |posture, (geometry, sample)| {
                 sample.close(mechanism, geometry, posture).ok()?;
                 let tool = posture.tool();
                 let mut rows = vec![Row::default(); sample.measurement.rows()];
