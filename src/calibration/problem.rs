@@ -99,6 +99,11 @@ impl<'a> Calibration<'a> {
         self.starts.iter().map(|start| start.sample.measurement.rows()).sum()
     }
 
+    /// Number of residuals of each sample that takes part.
+    pub fn rows_of_samples(&self) -> impl Iterator<Item = usize> + '_ {
+        self.starts.iter().map(|start| start.sample.measurement.rows())
+    }
+
     /// Closes each posture of a chunk in turn and hands it on with its measurement's rows.
     fn visit(
         &self,

@@ -1,5 +1,6 @@
 //! The command line: one file a command.
 
+pub mod analysis;
 pub mod analyze;
 pub mod dispatch;
 pub mod error;

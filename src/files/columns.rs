@@ -30,6 +30,13 @@ pub struct ColumnsDrawing {
     pub quaternion: Option<[String; 4]>,
 }
 
+impl ColumnsDrawing {
+    /// Whether no column of a pose has a name of its own.
+    fn names_no_pose(&self) -> bool {
+        self.position.is_none() && self.rotation.is_none() && self.quaternion.is_none()
+    }
+}
+
 /// Where in a row everything stands.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
@@ -151,6 +158,13 @@ impl Layout {
             return Ok(layout);
         }
         let own = request.columns;
+        let ours = POSITION.iter().chain(&ROTATION).chain(&QUATERNION);
+        if own.is_none_or(ColumnsDrawing::names_no_pose)
+            && !ours.into_iter().any(|name| header.find(name).is_some())
+        {
+            // Readings alone: planned postures.
+            return Ok(layout);
+        }
         layout.position = Some(match own.and_then(|columns| columns.position.as_ref()) {
             Some(names) => header.named(names)?,
             None => header.group(POSITION)?.ok_or_else(|| header.missing("`x`, `y`, `z`".into()))?,

@@ -1,7 +1,7 @@
 //! The `data` of a problem file: where the measured postures are, and what is known of their noise.
 
 use super::columns::ColumnsDrawing;
-use super::dataset::{DataSet, Kind, MeasuredPose};
+use super::dataset::{DataSet, Kind, MeasuredPose, PlannedPosture};
 use super::error::FileError;
 use super::fault::Fault;
 use super::noise::{CovarianceDrawing, NoiseDrawing, assumed_noise, read_noise};
@@ -58,7 +58,8 @@ pub struct DataDrawing {
 pub struct SampleDrawing {
     /// Readings in actuator order, angle or length of the file.
     pub actuators: Vec<f64>,
-    /// Measured pose.
+    /// Measured pose; left out where the posture is only planned.
+    #[serde(default, skip_serializing_if = "PoseDrawing::is_empty")]
     pub pose: PoseDrawing,
     /// Of this sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -197,6 +198,10 @@ impl Filling<'_> {
     ) -> Result<(), FileError> {
         let Context { mechanism, units, .. } = *self.context;
         let actuators = variables(mechanism, units, readings, readings_at)?;
+        if pose.is_empty() {
+            self.set.planned.push(PlannedPosture { name, actuators });
+            return Ok(());
+        }
         let seen = match self.set.kind {
             Kind::Pose => pose.components(units, pose_at)?,
             Kind::Position => pose.position_only(units, pose_at)?,

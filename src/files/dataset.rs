@@ -74,6 +74,15 @@ impl MeasuredPose {
     }
 }
 
+/// A posture of which nothing was measured yet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedPosture {
+    /// Where it stands in its source.
+    pub name: String,
+    /// Actuator variables (reading - home) in actuator order, rad or m.
+    pub actuators: Vec<f64>,
+}
+
 /// The postures that a problem's `data` or `holdout` holds; none where only noise is stated.
 #[derive(Clone, Debug, Default)]
 pub struct DataSet {
@@ -83,6 +92,8 @@ pub struct DataSet {
     pub samples: Vec<Sample>,
     /// What was measured in each of the samples.
     pub measured: Vec<MeasuredPose>,
+    /// Postures that are planned: readings without a pose.
+    pub planned: Vec<PlannedPosture>,
     /// Covariance of a measured pose (rotation first, rad and m), where it is stated for all samples.
     pub noise: Option<Matrix6<f64>>,
     /// Where the data come from, in words.

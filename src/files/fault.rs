@@ -81,6 +81,8 @@ pub enum Fault {
     Incomplete,
     #[error("some components of the rotation are missing; a rotation is measured wholly or not at all")]
     PartRotation,
+    #[error("no pose; a posture that is only planned serves `gough analyze` alone: measure it, or remove it")]
+    Planned,
     #[error("nothing was measured here; remove the sample")]
     NothingMeasured,
     #[error("the quaternion is zero")]

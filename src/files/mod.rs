@@ -29,7 +29,7 @@ pub mod write;
 
 pub use actuators::{ActuatorRow, read_actuators};
 pub use data::{DataDrawing, SampleDrawing};
-pub use dataset::{DataSet, Kind, MeasuredPose};
+pub use dataset::{DataSet, Kind, MeasuredPose, PlannedPosture};
 pub use drawing::{JointDrawing, LimbDrawing, MechanismDrawing};
 pub use error::{FileError, Location};
 pub use fault::Fault;

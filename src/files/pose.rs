@@ -44,6 +44,11 @@ impl PoseDrawing {
         Self { position: Some(position.map(Some)), rotation: Some(rotation.map(Some)), quaternion: None }
     }
 
+    /// Whether nothing at all is stated, not even as missing.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
     /// The pose, all of it, in rad and m.
     pub(super) fn complete(&self, units: Units, at: &Place<'_>) -> Result<Se3, FileError> {
         let seen = self.components(units, at)?;

@@ -217,8 +217,13 @@ impl ProblemFile {
         }
     }
 
-    /// Refuses a problem without measured postures.
+    /// Refuses a problem without measured postures, or with some that are only planned.
     pub fn require_samples(&self) -> Result<(), FileError> {
+        for (key, set) in [("data", &self.data), ("data.holdout", &self.holdout)] {
+            if let Some(planned) = set.planned.first() {
+                return Err(Place::file(&self.file).key(key).named(&planned.name).error(Fault::Planned));
+            }
+        }
         if self.data.is_empty() {
             Err(Place::file(&self.file).key("data").error(Fault::NoSamples))
         } else {

@@ -182,7 +182,7 @@ pub fn identify(
 }
 
 /// Postures whose wrench matrix is close to losing rank, and those with another sign of its determinant than home.
-fn singularities(
+pub(super) fn singularities(
     mechanism: &Mechanism,
     geometry: &Geometry,
     samples: &[Sample],

@@ -1,0 +1,260 @@
+//! What cannot be seen, in the words of limbs and joints.
+
+use super::sparse::Support;
+use crate::calibration::Coordinates;
+use crate::lie::Se3;
+use crate::model::Mechanism;
+use nalgebra::Vector3;
+
+/// Cosine from which two lines count as one direction.
+const PARALLEL: f64 = 1.0 - 1e-9;
+/// Parts of a combination below this share of the largest are not spelled out.
+const NEGLIGIBLE: f64 = 0.01;
+
+/// A combination of link deviations.
+#[derive(Clone, Debug)]
+pub struct Direction {
+    /// Deviations of all links, six a link, in tolerances; a unit vector.
+    pub deviations: Vec<f64>,
+    /// `|J u|`: change of all readings together, in standard deviations, where the machine moves by one tolerance along
+    /// it.
+    pub change: f64,
+}
+
+/// Directions that are alike but for the limb.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Likeness {
+    /// Limbs that have it; empty where it runs over several limbs.
+    pub limbs: Vec<String>,
+    /// How many directions in each.
+    pub count: usize,
+    /// What it is.
+    pub words: String,
+    /// Smallest and largest change among them, in standard deviations.
+    pub change: (f64, f64),
+}
+
+/// The machine's frames at home, by which directions are named.
+pub struct Naming<'a> {
+    mechanism: &'a Mechanism,
+    /// Per limb, the frame behind each link at home.
+    frames: Vec<Vec<Se3>>,
+}
+
+/// The rotation or the translation of one link.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    limb: usize,
+    link: usize,
+    rotation: bool,
+    /// In {S} at home, tolerances.
+    vector: Vector3<f64>,
+}
+
+impl<'a> Naming<'a> {
+    /// Of the machine as drawn.
+    pub fn new(mechanism: &'a Mechanism) -> Self {
+        let nominal = mechanism.nominal();
+        let frames = (0..mechanism.limbs.len()).map(|i| nominal.home_frames(i)).collect();
+        Self { mechanism, frames }
+    }
+
+    /// Rotation and translation of every link, then every link, then every pair of neighbours: where combinations of few
+    /// components are sought, in complete coordinates.
+    pub fn supports(&self, coordinates: &Coordinates) -> Vec<Support> {
+        let (mut single, mut whole, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, limb) in coordinates.limbs.iter().enumerate() {
+            let at = |wanted: &dyn Fn(usize) -> bool| -> Vec<usize> {
+                let places = limb.free.iter().enumerate().filter(|(_, component)| wanted(**component));
+                places.map(|(place, _)| limb.offset + place).collect()
+            };
+            for link in 0..self.frames[i].len() {
+                for half in 0..2 {
+                    let members = at(&|c| c / 3 == 2 * link + half);
+                    let preferred = if members.len() == 3 { self.preferred(i, link) } else { Vec::new() };
+                    single.push(Support { members, preferred });
+                }
+                whole.push(Support { members: at(&|c| c / 6 == link), preferred: Vec::new() });
+                pairs.push(Support {
+                    members: at(&|c| c / 6 == link || c / 6 == link + 1),
+                    preferred: Vec::new(),
+                });
+            }
+        }
+        single.append(&mut whole);
+        single.append(&mut pairs);
+        single.retain(|support| !support.members.is_empty());
+        single
+    }
+
+    /// Directions in a link's frame that have a name: its own axis, then the axes of the limb's joints and of {S}, those
+    /// square to its own first.
+    fn preferred(&self, limb: usize, link: usize) -> Vec<Vec<f64>> {
+        let turn = self.frames[limb][link].r.transpose();
+        let axes = self.mechanism.limbs[limb].joints.iter().zip(&self.frames[limb]);
+        let axes = axes.map(|(_, frame)| frame.r.column(2).into_owned());
+        let ours = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let mut named: Vec<Vector3<f64>> = axes.chain(ours).map(|axis| turn * axis).collect();
+        named.sort_by_key(|v| v.z.abs() > 1e-9);
+        std::iter::once(Vector3::z()).chain(named).map(|v| v.iter().copied().collect()).collect()
+    }
+
+    /// The direction's rotations and translations, link by link.
+    fn parts(&self, direction: &Direction) -> Vec<Part> {
+        let mut parts = Vec::new();
+        let mut numbers = direction.deviations.chunks_exact(3);
+        for (limb, frames) in self.frames.iter().enumerate() {
+            for (link, frame) in frames.iter().enumerate() {
+                for rotation in [true, false] {
+                    if let Some([x, y, z]) = numbers.next() {
+                        let vector = frame.r * Vector3::new(*x, *y, *z);
+                        parts.push(Part { limb, link, rotation, vector });
+                    }
+                }
+            }
+        }
+        let largest = parts.iter().fold(0.0_f64, |m, part| m.max(part.vector.norm()));
+        parts.retain(|part| part.vector.norm() > NEGLIGIBLE * largest);
+        parts
+    }
+
+    /// Directions in words, those that are alike but for the limb together, in the order of the first of each.
+    pub fn grouped(&self, directions: &[Direction]) -> Vec<Likeness> {
+        let all: Vec<(Vec<Part>, f64)> = directions.iter().map(|d| (self.parts(d), d.change)).collect();
+        let mut groups: Vec<Likeness> = Vec::new();
+        let mut told = vec![false; all.len()];
+        for (k, (parts, change)) in all.iter().enumerate() {
+            if told[k] {
+                continue;
+            }
+            // Both or all three directions of one link are told at once.
+            let same = |other: &[Part]| match (parts.as_slice(), other) {
+                ([a], [b]) => (a.limb, a.link, a.rotation) == (b.limb, b.link, b.rotation),
+                _ => false,
+            };
+            let mut mates = vec![k];
+            mates.extend((k + 1..all.len()).filter(|&j| same(&all[j].0)));
+            mates.iter().for_each(|&j| told[j] = true);
+            let changes = mates.iter().map(|&j| all[j].1);
+            let range = changes.fold((*change, *change), |(low, high), c| (low.min(c), high.max(c)));
+            let own = |part: &Part| part.limb == parts[0].limb;
+            let (limbs, words) = match parts.first() {
+                None => continue,
+                Some(part) if mates.len() > 1 => {
+                    let vectors: Vec<Vector3<f64>> = mates.iter().map(|&j| all[j].0[0].vector).collect();
+                    (vec![part.limb], self.several(part, &vectors))
+                }
+                Some(part) if parts.iter().all(own) => (vec![part.limb], self.combination(parts, false)),
+                Some(_) => (Vec::new(), self.combination(parts, true)),
+            };
+            let limbs: Vec<String> = limbs.iter().map(|&i| self.mechanism.limbs[i].name.clone()).collect();
+            let alike = |group: &&mut Likeness| {
+                group.words == words
+                    && group.count == mates.len()
+                    && !limbs.is_empty()
+                    && !group.limbs.is_empty()
+            };
+            match groups.iter_mut().find(alike) {
+                Some(group) => {
+                    group.limbs.extend(limbs);
+                    group.change = (group.change.0.min(range.0), group.change.1.max(range.1));
+                }
+                None => groups.push(Likeness { limbs, count: mates.len(), words, change: range }),
+            }
+        }
+        groups
+    }
+
+    /// Two or three directions of one link's rotation or translation.
+    fn several(&self, part: &Part, vectors: &[Vector3<f64>]) -> String {
+        let axis = self.frames[part.limb][part.link].r.column(2).into_owned();
+        let square = vectors.iter().all(|v| v.dot(&axis).abs() < 1e-6 * v.norm());
+        let preposition = if part.rotation { "about" } else { "along" };
+        let which = match (vectors.len(), square) {
+            (2, true) if self.is_tool(part) => "the x and the y axis of the tool frame".to_owned(),
+            (2, true) => "both directions square to its axis".to_owned(),
+            (3, _) => "any direction".to_owned(),
+            _ => {
+                let named: Vec<String> = vectors.iter().map(|v| self.line(part, v)).collect();
+                named.join(&format!(" and {preposition} "))
+            }
+        };
+        format!("{} {preposition} {which}", self.what(part))
+    }
+
+    /// A combination, largest part first; the others relative to it.
+    fn combination(&self, parts: &[Part], with_limbs: bool) -> String {
+        let mut parts = parts.to_vec();
+        parts.sort_by(|a, b| {
+            let order = b.vector.norm().total_cmp(&a.vector.norm());
+            if (a.vector.norm() / b.vector.norm() - 1.0).abs() < 1e-6 {
+                std::cmp::Ordering::Equal
+            } else {
+                order
+            }
+        });
+        let first = parts.first().map_or(1.0, |part| part.vector.norm());
+        let single = parts.len() == 1;
+        let words = parts.iter().map(|part| {
+            let ratio = part.vector.norm() / first;
+            let size = if single { String::new() } else { format!("{ratio:.2} ") };
+            let limb = &self.mechanism.limbs[part.limb].name;
+            let limb = if with_limbs { format!("{limb}, ") } else { String::new() };
+            let preposition = if part.rotation { "about" } else { "along" };
+            let line = self.line(part, &part.vector);
+            format!("{size}{limb}{} {preposition} {line}", self.what(part))
+        });
+        words.collect::<Vec<String>>().join(" + ")
+    }
+
+    fn is_tool(&self, part: &Part) -> bool {
+        part.link == self.mechanism.limbs[part.limb].joints.len()
+    }
+
+    /// What moves: a joint's axis, with all behind it, or the tool.
+    fn what(&self, part: &Part) -> String {
+        let kind = if part.rotation { "rotation" } else { "translation" };
+        if self.is_tool(part) {
+            return format!("{kind} of the tool");
+        }
+        let name = &self.mechanism.limbs[part.limb].joints[part.link].name;
+        let ordinal = |n: &str| match n {
+            "1" => Some("first"),
+            "2" => Some("second"),
+            "3" => Some("third"),
+            _ => None,
+        };
+        match name.rsplit_once('.').and_then(|(joint, n)| Some((joint, ordinal(n)?))) {
+            Some((joint, ordinal)) => format!("{kind} of {joint}'s {ordinal} axis"),
+            None => format!("{kind} of {name}'s axis"),
+        }
+    }
+
+    /// A line in {S} at home, in words: signs are left out where the line has a name.
+    fn line(&self, part: &Part, vector: &Vector3<f64>) -> String {
+        let unit = vector.normalize();
+        let is = |axis: &Vector3<f64>| unit.dot(axis).abs() > PARALLEL;
+        let own = self.frames[part.limb][part.link].r;
+        let joints = &self.mechanism.limbs[part.limb].joints;
+        if !self.is_tool(part) && is(&own.column(2).into_owned()) {
+            return "itself".into();
+        }
+        // The nearest joint that lies on the line names it.
+        let mut order: Vec<usize> = (0..joints.len()).collect();
+        order.sort_by_key(|j| j.abs_diff(part.link));
+        let frames = &self.frames[part.limb];
+        if let Some(j) = order.into_iter().find(|&j| is(&frames[j].r.column(2).into_owned())) {
+            return format!("the axis of {}", joints[j].name);
+        }
+        let ours = [("x", Vector3::x()), ("y", Vector3::y()), ("z", Vector3::z())];
+        if let Some((name, _)) = ours.iter().find(|(_, axis)| is(axis)) {
+            return format!("{name} of {{S}}");
+        }
+        let sign = unit.iter().find(|v| v.abs() > 1e-6).map_or(1.0, |v| v.signum());
+        let [x, y, z] = [0, 1, 2].map(|i| {
+            let rounded = (100.0 * sign * unit[i]).round() / 100.0;
+            if rounded == 0.0 { 0.0 } else { rounded }
+        });
+        format!("[{x:.2}, {y:.2}, {z:.2}] in {{S}}")
+    }
+}
