@@ -161,8 +161,9 @@ impl Report<'_> {
         let weak = counts.first_order - counts.practical;
         if weak > 0 {
             text.push_str(&format!(
-                "         {weak} are weak: one tolerance along them changes all readings together by less than the \
-                 noise\n         (change in standard deviations in brackets):\n"
+                "         {weak} are weak (singular values up to 1): one tolerance along each of these moves every \
+                 single pose by less\n         than its noise (change of all readings together in brackets, in \
+                 standard deviations):\n"
             ));
             push(&mut text, found.weak_words(mechanism), true);
         }

@@ -13,6 +13,11 @@ use rayon::prelude::*;
 
 /// Information, relative to the median posture's, below which a posture adds next to nothing.
 const NOTHING: f64 = 0.1;
+/// Change of all readings together up to which a combination of few components may stand for a weak direction, provided
+/// that it moves every single pose by less than its noise.
+const FAINT: f64 = 2.0;
+/// Part of a combination that must lie in the weak directions, or in those without effect.
+const WITHIN: (f64, f64) = (0.5, 0.1);
 /// Postures whose rows are multiplied at a time.
 const CHUNK: usize = 256;
 
@@ -36,7 +41,8 @@ pub struct Analysis {
     pub singular_values: Vec<f64>,
     /// Directions without first-order effect there, one by one.
     pub unseen: Vec<Direction>,
-    /// Directions with an effect that all postures together do not tell from the noise at one tolerance.
+    /// Combinations that stand for the directions of singular value 1 and below: by one tolerance along them every
+    /// single pose moves by less than its noise.
     pub weak: Vec<Direction>,
     /// Strong directions of which every single posture shows less than its noise at one tolerance: only many postures
     /// together tell.
@@ -137,12 +143,23 @@ fn directions(
             let target = target.get(.., ..count.min(target.ncols())).to_owned();
             let rounding = 1e-13 * value(0);
             let most = (value(first_order.max(1) - 1) * value(first_order).max(rounding)).sqrt();
-            run(Search { jac: jac.as_ref(), seen: redundant, target, most }, &supports)
+            let (faint, independent) = (&|_: &[f64]| true, WITHIN.1);
+            run(Search { jac: jac.as_ref(), seen: redundant, target, most, faint, independent }, &supports)
         }
     };
     let target = v.get(.., practical..first_order).to_owned();
-    let most = value(practical).clamp(f64::MIN_POSITIVE, 1.0);
-    let search = Search { jac: jac.as_ref(), seen: null.to_owned(), target, most };
+    let whole = problem.linearize(&x)?.jac;
+    let rows: Vec<usize> = problem.rows_of_samples().collect();
+    let faint = |u: &[f64]| {
+        let change = linalg::mul(whole.as_ref(), u);
+        let mut first = 0;
+        rows.iter().all(|count| {
+            first += count;
+            linalg::norm(&change[first - count..first]) < 1.0
+        })
+    };
+    let (seen, independent) = (null.to_owned(), WITHIN.0);
+    let search = Search { jac: jac.as_ref(), seen, target, most: FAINT, faint: &faint, independent };
     Ok((unseen, run(search, &supports)))
 }
 

@@ -10,6 +10,8 @@ use nalgebra::Vector3;
 const PARALLEL: f64 = 1.0 - 1e-9;
 /// Parts of a combination below this share of the largest are not spelled out.
 const NEGLIGIBLE: f64 = 0.01;
+/// Parts of a combination that are spelled out.
+const SPELLED: usize = 6;
 
 /// A combination of link deviations.
 #[derive(Clone, Debug)]
@@ -59,20 +61,22 @@ impl<'a> Naming<'a> {
         Self { mechanism, frames }
     }
 
-    /// Rotation and translation of every link, then every link, then every pair of neighbours: where combinations of few
-    /// components are sought, in complete coordinates.
+    /// Where combinations of few components are sought, in complete coordinates: rotation of every link, translation of
+    /// every link, every link, every pair of neighbours, every limb.
     pub fn supports(&self, coordinates: &Coordinates) -> Vec<Support> {
-        let (mut single, mut whole, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut turns, mut shifts) = (Vec::new(), Vec::new());
+        let (mut whole, mut pairs, mut limbs) = (Vec::new(), Vec::new(), Vec::new());
         for (i, limb) in coordinates.limbs.iter().enumerate() {
             let at = |wanted: &dyn Fn(usize) -> bool| -> Vec<usize> {
                 let places = limb.free.iter().enumerate().filter(|(_, component)| wanted(**component));
                 places.map(|(place, _)| limb.offset + place).collect()
             };
+            limbs.push(Support { members: at(&|_| true), preferred: Vec::new() });
             for link in 0..self.frames[i].len() {
                 for half in 0..2 {
                     let members = at(&|c| c / 3 == 2 * link + half);
                     let preferred = if members.len() == 3 { self.preferred(i, link) } else { Vec::new() };
-                    single.push(Support { members, preferred });
+                    if half == 0 { &mut turns } else { &mut shifts }.push(Support { members, preferred });
                 }
                 whole.push(Support { members: at(&|c| c / 6 == link), preferred: Vec::new() });
                 pairs.push(Support {
@@ -81,22 +85,23 @@ impl<'a> Naming<'a> {
                 });
             }
         }
-        single.append(&mut whole);
-        single.append(&mut pairs);
-        single.retain(|support| !support.members.is_empty());
-        single
+        let mut all = [turns, shifts, whole, pairs, limbs].concat();
+        all.retain(|support| !support.members.is_empty());
+        all
     }
 
-    /// Directions in a link's frame that have a name: its own axis, then the axes of the limb's joints and of {S}, those
-    /// square to its own first.
+    /// Directions in a link's frame that have a name: the axes of the limb's joints and of {S}, those square to the link's
+    /// own axis first, and that one last.
     fn preferred(&self, limb: usize, link: usize) -> Vec<Vec<f64>> {
         let turn = self.frames[limb][link].r.transpose();
         let axes = self.mechanism.limbs[limb].joints.iter().zip(&self.frames[limb]);
         let axes = axes.map(|(_, frame)| frame.r.column(2).into_owned());
         let ours = [Vector3::x(), Vector3::y(), Vector3::z()];
         let mut named: Vec<Vector3<f64>> = axes.chain(ours).map(|axis| turn * axis).collect();
+        named.retain(|v| v.z.abs() < 1.0 - 1e-9);
         named.sort_by_key(|v| v.z.abs() > 1e-9);
-        std::iter::once(Vector3::z()).chain(named).map(|v| v.iter().copied().collect()).collect()
+        named.push(Vector3::z());
+        named.iter().map(|v| v.iter().copied().collect()).collect()
     }
 
     /// The direction's rotations and translations, link by link.
@@ -204,7 +209,11 @@ impl<'a> Naming<'a> {
             let line = self.line(part, &part.vector);
             format!("{size}{limb}{} {preposition} {line}", self.what(part))
         });
-        words.collect::<Vec<String>>().join(" + ")
+        let words: Vec<String> = words.collect();
+        match words.len().saturating_sub(SPELLED) {
+            0 => words.join(" + "),
+            more => format!("{} + {more} smaller parts", words[..SPELLED].join(" + ")),
+        }
     }
 
     fn is_tool(&self, part: &Part) -> bool {

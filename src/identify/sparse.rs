@@ -7,12 +7,12 @@ use crate::linalg;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef};
 
-/// Part of a unit vector that must lie outside what is accounted for already.
-const INDEPENDENT: f64 = 0.3;
 /// Rounds of reweighting.
 const ROUNDS: usize = 20;
 /// Components, relative to the largest, that are tried to be left out, boldest first.
-const LEFT_OUT: [f64; 6] = [0.3, 0.2, 0.1, 0.05, 0.02, 0.005];
+const LEFT_OUT: [f64; 9] = [0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.005];
+/// Components up to which a support is searched without reweighting.
+const FEW: usize = 12;
 
 /// Components among which a combination is sought, and unit vectors over them that are tried first.
 #[derive(Clone, Debug, Default)]
@@ -23,7 +23,7 @@ pub struct Support {
     pub preferred: Vec<Vec<f64>>,
 }
 
-/// A search for unit vectors `u` with `|J u| <= most`.
+/// A search for unit vectors `u` with `|J u| <= most` that are `faint`.
 pub struct Search<'a> {
     /// k x n.
     pub jac: MatRef<'a, f64>,
@@ -33,6 +33,10 @@ pub struct Search<'a> {
     pub target: Mat<f64>,
     /// Largest change.
     pub most: f64,
+    /// What else must hold of a vector.
+    pub faint: &'a (dyn Fn(&[f64]) -> bool + Sync),
+    /// Part of a unit vector that must lie in the target, beside those found before.
+    pub independent: f64,
 }
 
 impl Search<'_> {
@@ -51,6 +55,10 @@ impl Search<'_> {
             }
             while found.len() < wanted {
                 let Some(u) = self.best_on(&support.members, &outside) else { break };
+                let u = match support.members.len() {
+                    0..=FEW => u,
+                    _ => self.sparsest(&self.in_target(&u), &outside),
+                };
                 if !self.accept(u, &mut found, &mut outside) {
                     break;
                 }
@@ -58,36 +66,42 @@ impl Search<'_> {
         }
         let rest = self.rest(&outside);
         for w in rest.into_iter().take(wanted - found.len()) {
-            found.push(self.sparsest(&w));
+            found.push(self.sparsest(&w, &outside));
         }
         found
     }
 
     /// Takes `u` (unit) where it is faint and new.
     fn accept(&self, u: Vec<f64>, found: &mut Vec<Vec<f64>>, outside: &mut Vec<Vec<f64>>) -> bool {
-        if linalg::norm(&linalg::mul(self.jac, &u)) > self.most {
+        let Some(new) = self.news(&u, outside) else { return false };
+        if !self.is_faint(&u) {
             return false;
         }
-        let mut new = self.unseen(&u);
+        outside.push(new);
+        found.push(u);
+        true
+    }
+
+    fn is_faint(&self, u: &[f64]) -> bool {
+        linalg::norm(&linalg::mul(self.jac, u)) <= self.most && (self.faint)(u)
+    }
+
+    /// What `u` adds to `outside` in the target, normalised; `None` where that is too little.
+    fn news(&self, u: &[f64], outside: &[Vec<f64>]) -> Option<Vec<f64>> {
+        let mut new = self.in_target(u);
         for _ in 0..2 {
-            for known in outside.iter() {
+            for known in outside {
                 let along = linalg::dot(known, &new);
                 new.iter_mut().zip(known).for_each(|(v, k)| *v -= along * k);
             }
         }
         let size = linalg::norm(&new);
-        if size < INDEPENDENT {
-            return false;
-        }
-        outside.push(new.iter().map(|v| v / size).collect());
-        found.push(u);
-        true
+        (size >= self.independent).then(|| new.iter().map(|v| v / size).collect())
     }
 
-    /// The part of `u` outside `seen`.
-    fn unseen(&self, u: &[f64]) -> Vec<f64> {
-        let inside = linalg::mul(self.seen.as_ref(), &linalg::mul_transpose(self.seen.as_ref(), u));
-        u.iter().zip(inside).map(|(u, i)| u - i).collect()
+    /// The part of `u` in the target.
+    fn in_target(&self, u: &[f64]) -> Vec<f64> {
+        linalg::mul(self.target.as_ref(), &linalg::mul_transpose(self.target.as_ref(), u))
     }
 
     /// The faint unit vector on these components that has most that is new.
@@ -108,7 +122,7 @@ impl Search<'_> {
         }
         let mut new = Mat::zeros(n, faint.len());
         for (j, u) in faint.iter().enumerate() {
-            let mut part = self.unseen(u);
+            let mut part = self.in_target(u);
             for known in outside {
                 let along = linalg::dot(known, &part);
                 part.iter_mut().zip(known).for_each(|(v, k)| *v -= along * k);
@@ -116,7 +130,7 @@ impl Search<'_> {
             part.iter().enumerate().for_each(|(i, v)| new[(i, j)] = *v);
         }
         let best = linalg::svd(new.as_ref())?;
-        if best.s.first().is_none_or(|s| *s < INDEPENDENT) {
+        if best.s.first().is_none_or(|s| *s < self.independent) {
             return None;
         }
         let mut u = vec![0.0; n];
@@ -144,7 +158,7 @@ impl Search<'_> {
     }
 
     /// A vector of few components that is `w` but for what is seen already: least `sum |u_i|`, by reweighting.
-    fn sparsest(&self, w: &[f64]) -> Vec<f64> {
+    fn sparsest(&self, w: &[f64], outside: &[Vec<f64>]) -> Vec<f64> {
         let (n, q) = (w.len(), self.seen.ncols());
         // u = w + seen c
         let mut u = w.to_vec();
@@ -170,8 +184,7 @@ impl Search<'_> {
             let few: Vec<f64> = u.iter().map(|v| if v.abs() > part * largest { *v } else { 0.0 }).collect();
             let size = linalg::norm(&few);
             let few: Vec<f64> = few.iter().map(|v| v / size).collect();
-            let kept = linalg::dot(&self.unseen(&few), w).abs();
-            if part == 0.0 || kept >= INDEPENDENT && linalg::norm(&linalg::mul(self.jac, &few)) <= self.most {
+            if part == 0.0 || self.news(&few, outside).is_some() && self.is_faint(&few) {
                 return few;
             }
         }
