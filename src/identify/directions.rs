@@ -4,10 +4,13 @@ use super::sparse::Support;
 use crate::calibration::Coordinates;
 use crate::lie::Se3;
 use crate::model::Mechanism;
+use crate::problem::Form;
 use nalgebra::Vector3;
 
 /// Cosine from which two lines count as one direction.
 const PARALLEL: f64 = 1.0 - 1e-9;
+/// Distance from a joint's point, relative to the tool's, within which a line of rotation goes through it.
+const CENTRED: f64 = 1e-6;
 /// Parts of a combination below this share of the largest are not spelled out.
 const NEGLIGIBLE: f64 = 0.01;
 /// Parts of a combination that are spelled out.
@@ -41,6 +44,8 @@ pub struct Naming<'a> {
     mechanism: &'a Mechanism,
     /// Per limb, the frame behind each link at home.
     frames: Vec<Vec<Se3>>,
+    /// Per limb, the tolerance of each component, rad and m.
+    sigma: Vec<Vec<f64>>,
 }
 
 /// The rotation or the translation of one link.
@@ -58,7 +63,9 @@ impl<'a> Naming<'a> {
     pub fn new(mechanism: &'a Mechanism) -> Self {
         let nominal = mechanism.nominal();
         let frames = (0..mechanism.limbs.len()).map(|i| nominal.home_frames(i)).collect();
-        Self { mechanism, frames }
+        let coordinates = Coordinates::new(mechanism, Form::Complete);
+        let sigma = coordinates.limbs.into_iter().map(|limb| limb.sigma).collect();
+        Self { mechanism, frames, sigma }
     }
 
     /// Where combinations of few components are sought, in complete coordinates: rotation of every link, translation of
@@ -90,14 +97,12 @@ impl<'a> Naming<'a> {
         all
     }
 
-    /// Directions in a link's frame that have a name: the axes of the limb's joints and of {S}, those square to the link's
-    /// own axis first, and that one last.
+    /// Directions in a link's frame that have a name: the axes of the limb's joints, those square to the link's own axis
+    /// first, and that one last.
     fn preferred(&self, limb: usize, link: usize) -> Vec<Vec<f64>> {
         let turn = self.frames[limb][link].r.transpose();
         let axes = self.mechanism.limbs[limb].joints.iter().zip(&self.frames[limb]);
-        let axes = axes.map(|(_, frame)| frame.r.column(2).into_owned());
-        let ours = [Vector3::x(), Vector3::y(), Vector3::z()];
-        let mut named: Vec<Vector3<f64>> = axes.chain(ours).map(|axis| turn * axis).collect();
+        let mut named: Vec<Vector3<f64>> = axes.map(|(_, frame)| turn * frame.r.column(2)).collect();
         named.retain(|v| v.z.abs() < 1.0 - 1e-9);
         named.sort_by_key(|v| v.z.abs() > 1e-9);
         named.push(Vector3::z());
@@ -133,7 +138,9 @@ impl<'a> Naming<'a> {
                 continue;
             }
             // Both or all three directions of one link are told at once.
+            let centre = self.centre(parts);
             let same = |other: &[Part]| match (parts.as_slice(), other) {
+                _ if centre.is_some() => centre == self.centre(other),
                 ([a], [b]) => (a.limb, a.link, a.rotation) == (b.limb, b.link, b.rotation),
                 _ => false,
             };
@@ -143,14 +150,19 @@ impl<'a> Naming<'a> {
             let changes = mates.iter().map(|&j| all[j].1);
             let range = changes.fold((*change, *change), |(low, high), c| (low.min(c), high.max(c)));
             let own = |part: &Part| part.limb == parts[0].limb;
-            let (limbs, words) = match parts.first() {
-                None => continue,
-                Some(part) if mates.len() > 1 => {
+            let (limbs, words) = match (parts.first(), centre) {
+                (None, _) => continue,
+                (Some(part), Some((_, joint))) => {
+                    let name = &self.mechanism.limbs[part.limb].joints[joint].name;
+                    let name = name.split_once('.').map_or(name.as_str(), |(joint, _)| joint);
+                    (vec![part.limb], format!("rotation of the tool about the centre of {name}"))
+                }
+                (Some(part), None) if mates.len() > 1 => {
                     let vectors: Vec<Vector3<f64>> = mates.iter().map(|&j| all[j].0[0].vector).collect();
                     (vec![part.limb], self.several(part, &vectors))
                 }
-                Some(part) if parts.iter().all(own) => (vec![part.limb], self.combination(parts, false)),
-                Some(_) => (Vec::new(), self.combination(parts, true)),
+                (Some(part), None) if parts.iter().all(own) => (vec![part.limb], self.combination(parts, false)),
+                (Some(_), None) => (Vec::new(), self.combination(parts, true)),
             };
             let limbs: Vec<String> = limbs.iter().map(|&i| self.mechanism.limbs[i].name.clone()).collect();
             let alike = |group: &&mut Likeness| {
@@ -168,6 +180,27 @@ impl<'a> Naming<'a> {
             }
         }
         groups
+    }
+
+    /// The limb, and the joint through whose point the tool turns, where the parts are just that.
+    fn centre(&self, parts: &[Part]) -> Option<(usize, usize)> {
+        let first = parts.first()?;
+        if !self.is_tool(first) || parts.iter().any(|p| (p.limb, p.link) != (first.limb, first.link)) {
+            return None;
+        }
+        let (mut w, mut v) = (Vector3::zeros(), Vector3::zeros());
+        for part in parts {
+            let unit = self.sigma[part.limb][6 * part.link + if part.rotation { 0 } else { 3 }];
+            *if part.rotation { &mut w } else { &mut v } += part.vector * unit;
+        }
+        let frames = &self.frames[first.limb];
+        let tool = frames[first.link].p;
+        // The last joint of several that share a point names it.
+        let found = (0..first.link).rev().find(|&j| {
+            let lever = tool - frames[j].p;
+            (v - w.cross(&lever)).norm() < CENTRED * w.norm() * lever.norm()
+        })?;
+        Some((first.limb, found))
     }
 
     /// Two or three directions of one link's rotation or translation.
