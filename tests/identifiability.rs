@@ -66,11 +66,14 @@ fn counts_descend_at_every_point() {
         let off = gough::simulate::draw_deviations(machine, 5, 0.5);
         for at in [&zero, &off] {
             for noise in [1.0, 1e-9, 1e-15] {
-                let weights = gough::measure::Weights::Isotropic { angle: 2e-5 * noise, length: 1e-5 * noise };
-                let exact = |s: &Sample| Sample { measurement: s.measurement.reweighted(weights), ..s.clone() };
+                let weights =
+                    gough::measure::Weights::Isotropic { angle: 2e-5 * noise, length: 1e-5 * noise };
+                let exact =
+                    |s: &Sample| Sample { measurement: s.measurement.reweighted(weights), ..s.clone() };
                 let samples: Vec<Sample> = drawn.data.samples.iter().map(exact).collect();
                 let counts = visibility(machine, &samples, at).unwrap().counts;
-                let ordered = counts.structural >= counts.first_order && counts.first_order >= counts.practical;
+                let ordered =
+                    counts.structural >= counts.first_order && counts.first_order >= counts.practical;
                 assert!(ordered && counts.practical > 0, "{}: {counts:?}", drawn.name);
             }
         }
@@ -127,8 +130,7 @@ fn weak_directions_move_no_pose_beyond_its_noise_and_strong_ones_do() {
         for k in 0..counts.practical {
             let z: Vec<f64> = seen.directions.col(k).iter().copied().collect();
             let d = coordinates.deviations(&z);
-            let u: Vec<f64> =
-                d.iter().zip(&sigma).map(|(d, s)| if *s > 0.0 { d / s } else { 0.0 }).collect();
+            let u: Vec<f64> = d.iter().zip(&sigma).map(|(d, s)| if *s > 0.0 { d / s } else { 0.0 }).collect();
             // Beyond first order a change near the limit may lie on either side of it.
             match largest(&u) {
                 change if change > 1.05 => strong += 1,
@@ -192,10 +194,9 @@ fn the_words_name_joints_and_limbs() {
 fn planned_postures_are_analysed_and_not_identified_from() {
     let folder = tempfile::tempdir().unwrap();
     let mut drawn = support::json(&file("problems/tripod-3rps.json"));
-    let measured: Value = serde_json::from_str(
-        &done("analyze {0} --json", &[&file("problems/tripod-3rps.json")]).stdout,
-    )
-    .unwrap();
+    let measured: Value =
+        serde_json::from_str(&done("analyze {0} --json", &[&file("problems/tripod-3rps.json")]).stdout)
+            .unwrap();
     for sample in drawn["data"]["samples"].as_array_mut().unwrap() {
         sample.as_object_mut().unwrap().remove("pose");
     }

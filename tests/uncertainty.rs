@@ -48,7 +48,8 @@ fn run(
     for (k, q) in postures[JUDGED..].iter().enumerate() {
         let g = tool(&truth, q)?;
         let e: Vector6<f64> = root * Vector6::from_fn(|_, _| StandardNormal.sample(&mut rng));
-        let read = Se3 { r: so3::exp(&e.fixed_rows::<3>(0).into_owned()) * g.r, p: g.p + e.fixed_rows::<3>(3) };
+        let read =
+            Se3 { r: so3::exp(&e.fixed_rows::<3>(0).into_owned()) * g.r, p: g.p + e.fixed_rows::<3>(3) };
         let measurement = Arc::new(Pose::new(read, [true; 6], covariance).unwrap());
         samples.push(Sample { name: format!("sample {k}"), actuators: q.clone(), measurement });
     }
@@ -78,7 +79,8 @@ fn ratios(drawn: &ProblemFile, solver: &str, runs: u64) -> ([f64; 6], f64) {
     let (machine, nominal) = (&drawn.mechanism, drawn.mechanism.nominal());
     let covariance = drawn.data.noise.unwrap();
     let postures = draw_postures(machine, &[&nominal], JUDGED + 40, 1).unwrap();
-    let all: Vec<_> = (0..runs).into_par_iter().map(|s| run(machine, &covariance, &postures, solver, s)).collect();
+    let all: Vec<_> =
+        (0..runs).into_par_iter().map(|s| run(machine, &covariance, &postures, solver, s)).collect();
     let all: Vec<_> = all.into_iter().flatten().collect();
     assert!(all.len() as u64 > runs / 2, "{}: {} of {runs} machines close", drawn.name, all.len());
     let (mut square, mut variance, mut joint) = ([0.0; 6], [0.0; 6], 0.0);

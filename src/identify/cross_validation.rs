@@ -112,6 +112,21 @@ pub fn refit(
     Ok(identify(&found.start, &rest, identifier, stop)?.geometry)
 }
 
+/// Sum of squares and number of the whitened residuals of all samples but `fold`, by the machine that they would give
+/// (10.6); `None` where linear theory does not say it.
+pub(super) fn residual_without(
+    found: &Identification,
+    samples: &[Sample],
+    fold: &[usize],
+) -> Option<(f64, usize)> {
+    let geometry = Influence::new(found, samples).ok()?.without(fold)?;
+    let rest = samples.iter().enumerate().filter(|(i, _)| !fold.contains(i));
+    let pairs: Vec<(&Geometry, &Sample)> = rest.map(|(_, sample)| (&geometry, sample)).collect();
+    let rows: usize = pairs.iter().map(|(_, sample)| sample.measurement.rows()).sum();
+    let fit = score_each(&found.start, &pairs)?;
+    Some((fit.weighted_rms.powi(2) * rows as f64, rows))
+}
+
 /// What the estimate does where readings change.
 struct Influence<'a> {
     found: &'a Identification,

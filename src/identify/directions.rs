@@ -161,7 +161,9 @@ impl<'a> Naming<'a> {
                     let vectors: Vec<Vector3<f64>> = mates.iter().map(|&j| all[j].0[0].vector).collect();
                     (vec![part.limb], self.several(part, &vectors))
                 }
-                (Some(part), None) if parts.iter().all(own) => (vec![part.limb], self.combination(parts, false)),
+                (Some(part), None) if parts.iter().all(own) => {
+                    (vec![part.limb], self.combination(parts, false))
+                }
                 (Some(_), None) => (Vec::new(), self.combination(parts, true)),
             };
             let limbs: Vec<String> = limbs.iter().map(|&i| self.mechanism.limbs[i].name.clone()).collect();

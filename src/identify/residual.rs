@@ -47,14 +47,14 @@ pub struct ChiSquareTest {
 }
 
 impl ChiSquareTest {
-    /// Tests residuals of `samples` at `geometry` that took part; `outlying` names those that stand out. `None`
-    /// without degrees of freedom.
+    /// Tests residuals of `samples` at `geometry` that took part. `without` has chi-square and degrees of freedom of an
+    /// estimate without the postures that stand out, where there are some. `None` without degrees of freedom.
     pub fn new(
         (value, degrees_of_freedom): (f64, f64),
         mechanism: &Mechanism,
         geometry: &Geometry,
         samples: &[Sample],
-        outlying: &[&str],
+        without: Option<(f64, f64)>,
     ) -> Option<Self> {
         if degrees_of_freedom < 0.5 || !value.is_finite() {
             return None;
@@ -70,10 +70,9 @@ impl ChiSquareTest {
         } else if deviation <= REMARKABLE {
             Verdict::Explained
         } else {
-            // Postures that stand out are weighed out with their readings.
-            let (square, rows) = residuals.of_samples(outlying);
-            let rest = (value - square, degrees_of_freedom - rows);
-            if !outlying.is_empty() && rest.1 > 0.5 && wilson_hilferty(rest.0, rest.1) <= REMARKABLE {
+            let explained =
+                |(value, freedom): (f64, f64)| freedom > 0.5 && wilson_hilferty(value, freedom) <= REMARKABLE;
+            if without.is_some_and(explained) {
                 Verdict::Outliers
             } else if resembling {
                 Verdict::Incomplete
@@ -142,12 +141,6 @@ impl<'a> Residuals<'a> {
             }
         }
         Self { samples: found }
-    }
-
-    /// Sum of squares and number of the residuals of these samples.
-    fn of_samples(&self, names: &[&str]) -> (f64, f64) {
-        let named = self.samples.iter().filter(|(sample, _)| names.contains(&sample.name.as_str()));
-        named.fold((0.0, 0.0), |(square, rows), (_, r)| (square + linalg::dot(r, r), rows + r.len() as f64))
     }
 
     /// Correlation between residuals of nearest neighbours in actuator space, and its standard deviation under

@@ -2,6 +2,7 @@
 
 use super::counts::{Counts, Visibility, visibility};
 use super::covariance::{Covariance, Variance};
+use super::cross_validation::residual_without;
 use super::registration::{FreeEnds, registered};
 use super::residual::ChiSquareTest;
 use super::score::{Fit, Outlier, outliers, score};
@@ -252,7 +253,16 @@ impl Identification {
     /// Chi-square test of the residual of the samples that were identified from; `None` where linear theory does not
     /// apply or nothing is left to test.
     pub fn chi_square_test(&self, samples: &[Sample]) -> Option<ChiSquareTest> {
-        let outlying: Vec<&str> = self.outliers.iter().map(|o| o.name.as_str()).collect();
-        ChiSquareTest::new(self.chi_square()?, &self.start, &self.geometry, samples, &outlying)
+        let (value, freedom) = self.chi_square()?;
+        let apart = |name: &str| self.set_aside.iter().any(|s| s.name == name);
+        let taking: Vec<Sample> = samples.iter().filter(|s| !apart(&s.name)).cloned().collect();
+        let stands_out = |s: &Sample| self.outliers.iter().any(|o| o.name == s.name);
+        let outlying: Vec<usize> = (0..taking.len()).filter(|&i| stands_out(&taking[i])).collect();
+        let without = match outlying.is_empty() {
+            true => None,
+            false => residual_without(self, &taking, &outlying)
+                .map(|(square, rows)| (square, freedom - (self.rows as f64 - rows as f64))),
+        };
+        ChiSquareTest::new((value, freedom), &self.start, &self.geometry, &taking, without)
     }
 }
