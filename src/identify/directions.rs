@@ -215,7 +215,7 @@ impl<'a> Naming<'a> {
             (2, true) => "both directions square to its axis".to_owned(),
             (3, _) => "any direction".to_owned(),
             _ => {
-                let named: Vec<String> = vectors.iter().map(|v| self.line(part, v)).collect();
+                let named: Vec<String> = vectors.iter().map(|v| self.line(part, v).0).collect();
                 named.join(&format!(" and {preposition} "))
             }
         };
@@ -233,21 +233,26 @@ impl<'a> Naming<'a> {
                 order
             }
         });
-        let first = parts.first().map_or(1.0, |part| part.vector.norm());
         let single = parts.len() == 1;
-        let words = parts.iter().map(|part| {
-            let ratio = part.vector.norm() / first;
-            let size = if single { String::new() } else { format!("{ratio:.2} ") };
+        // Sizes relative to the largest part, which counts as positive.
+        let first = parts.first().map_or(1.0, |part| self.line(part, &part.vector).1 * part.vector.norm());
+        let words = parts.iter().enumerate().map(|(k, part)| {
+            let (line, sign) = self.line(part, &part.vector);
+            let ratio = sign * part.vector.norm() / first;
+            let size = match (single, k) {
+                (true, _) => String::new(),
+                (false, 0) => format!("{ratio:.2} "),
+                _ => format!("{} {:.2} ", if ratio < 0.0 { "-" } else { "+" }, ratio.abs()),
+            };
             let limb = &self.mechanism.limbs[part.limb].name;
             let limb = if with_limbs { format!("{limb}, ") } else { String::new() };
             let preposition = if part.rotation { "about" } else { "along" };
-            let line = self.line(part, &part.vector);
             format!("{size}{limb}{} {preposition} {line}", self.what(part))
         });
         let words: Vec<String> = words.collect();
         match words.len().saturating_sub(SPELLED) {
-            0 => words.join(" + "),
-            more => format!("{} + {more} smaller parts", words[..SPELLED].join(" + ")),
+            0 => words.join(" "),
+            more => format!("{} and {more} smaller parts", words[..SPELLED].join(" ")),
         }
     }
 
@@ -274,31 +279,31 @@ impl<'a> Naming<'a> {
         }
     }
 
-    /// A line in {S} at home, in words: signs are left out where the line has a name.
-    fn line(&self, part: &Part, vector: &Vector3<f64>) -> String {
+    /// A line in {S} at home, in words, and whether the vector points along it (1) or against it (-1).
+    fn line(&self, part: &Part, vector: &Vector3<f64>) -> (String, f64) {
         let unit = vector.normalize();
         let is = |axis: &Vector3<f64>| unit.dot(axis).abs() > PARALLEL;
-        let own = self.frames[part.limb][part.link].r;
+        let frames = &self.frames[part.limb];
+        let axis = |j: usize| frames[j].r.column(2).into_owned();
         let joints = &self.mechanism.limbs[part.limb].joints;
-        if !self.is_tool(part) && is(&own.column(2).into_owned()) {
-            return "itself".into();
+        if !self.is_tool(part) && is(&axis(part.link)) {
+            return ("itself".into(), unit.dot(&axis(part.link)).signum());
         }
         // The nearest joint that lies on the line names it.
         let mut order: Vec<usize> = (0..joints.len()).collect();
         order.sort_by_key(|j| j.abs_diff(part.link));
-        let frames = &self.frames[part.limb];
-        if let Some(j) = order.into_iter().find(|&j| is(&frames[j].r.column(2).into_owned())) {
-            return format!("the axis of {}", joints[j].name);
+        if let Some(j) = order.into_iter().find(|&j| is(&axis(j))) {
+            return (format!("the axis of {}", joints[j].name), unit.dot(&axis(j)).signum());
         }
         let ours = [("x", Vector3::x()), ("y", Vector3::y()), ("z", Vector3::z())];
-        if let Some((name, _)) = ours.iter().find(|(_, axis)| is(axis)) {
-            return format!("{name} of {{S}}");
+        if let Some((name, axis)) = ours.iter().find(|(_, axis)| is(axis)) {
+            return (format!("{name} of {{S}}"), unit.dot(axis).signum());
         }
         let sign = unit.iter().find(|v| v.abs() > 1e-6).map_or(1.0, |v| v.signum());
         let [x, y, z] = [0, 1, 2].map(|i| {
             let rounded = (100.0 * sign * unit[i]).round() / 100.0;
             if rounded == 0.0 { 0.0 } else { rounded }
         });
-        format!("[{x:.2}, {y:.2}, {z:.2}] in {{S}}")
+        (format!("[{x:.2}, {y:.2}, {z:.2}] in {{S}}"), sign)
     }
 }
