@@ -211,7 +211,7 @@ fn verdicts_on_known_troubles() {
     // The first actuator errs by a wave of its reading, which no link explains.
     let mut bent = samples.clone();
     for sample in &mut bent {
-        sample.actuators[0] += 1.5e-4 * (60.0 * sample.actuators[0]).sin();
+        sample.actuators[0] += 1.5e-4 * (40.0 * sample.actuators[0]).sin();
     }
     let test = verdict(&bent);
     eprintln!("{}", test.sentence());

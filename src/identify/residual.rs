@@ -19,7 +19,7 @@ pub enum Verdict {
     Explained,
     /// It is smaller than the stated noise.
     Overstated,
-    /// It is larger, evenly, and without resemblance between neighbouring postures.
+    /// It is larger, without resemblance between neighbouring postures: noise, or errors too rough to tell from it.
     Understated,
     /// Without the few postures that stand out the stated noise would explain it.
     Outliers,
@@ -99,8 +99,8 @@ impl ChiSquareTest {
                  are not independent"
             ),
             Verdict::Understated => format!(
-                "the residual is {ratio:.3} times what the stated noise makes it, at all postures alike: noise \
-                 understated"
+                "the residual is {ratio:.3} times what the stated noise makes it: noise understated, or errors that the \
+                 model does not have and that neighbouring postures do not share"
             ),
             Verdict::Outliers => format!(
                 "the residual is {ratio:.3} times what the stated noise makes it, because of the few postures that \
