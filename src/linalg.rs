@@ -198,6 +198,11 @@ pub fn mul_transpose(a: MatRef<'_, f64>, y: &[f64]) -> Vec<f64> {
     (0..a.ncols()).map(|j| a.col(j).iter().zip(y).map(|(aij, yi)| aij * yi).sum()).collect()
 }
 
+/// `a' b`.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
 /// Euclidean norm.
 pub fn norm(x: &[f64]) -> f64 {
     x.iter().map(|v| v * v).sum::<f64>().sqrt()

@@ -2,6 +2,7 @@
 
 mod spoiled;
 
+use gough::files::UncertaintyDrawing;
 use gough::files::noise::{NoiseDrawing, assumed_noise};
 use gough::files::problem::{PROBLEM_FORMAT, ProblemDrawing, parse_model, parse_problem};
 use gough::files::result::RESULT_FORMAT;
@@ -151,7 +152,13 @@ fn result(read: &ProblemFile) -> ResultFile {
         counts: Counts { structural: 138, first_order: 66, practical: 66 },
         fit: Some(fit),
         holdout: None,
-        chi_square: Some(ChiSquare { value: 12.5, degrees_of_freedom: 6.0 }),
+        cross_validation: None,
+        chi_square: Some(ChiSquare {
+            value: 12.5,
+            degrees_of_freedom: 6.0,
+            probability: Some(0.05),
+            verdict: Some("the stated noise explains the residual".into()),
+        }),
         noise_estimate: Some(NoiseDrawing { angle: Some(1e-5), length: Some(1e-6), covariance: None }),
         warnings: vec!["one".into()],
         set_aside: Vec::new(),
@@ -166,8 +173,13 @@ fn result(read: &ProblemFile) -> ResultFile {
             link: "ball.2".into(),
             deviation: Deviation::of(&d, Units::SI),
             std: None,
+            prior_share: Some(Deviation { rotation: [0.0, 0.5, 1.0], translation: [0.25, 1e-3, 0.125] }),
         }],
         mechanism: redraw(&read.mechanism, &geometry, read.units),
+        uncertainty: Some(UncertaintyDrawing {
+            prior_share: vec![0.5],
+            root: vec![vec![0.25; read.mechanism.component_count()]],
+        }),
         versions: [("gough".to_owned(), "0.1.0".to_owned())].into(),
     }
 }
@@ -186,6 +198,9 @@ fn results_are_models_and_keep_every_digit() {
     assert_eq!(again.links, written.links);
     assert_eq!(again.mechanism, written.mechanism);
     let model = parse_model(Path::new("r.json"), &text).unwrap();
+    let stated = model.uncertainty.clone().unwrap();
+    assert_eq!((stated.prior_share[0], stated.root[0][3]), (0.5, 2.5e-4));
+    assert!((stated.root[0][0] - 0.25f64.to_radians()).abs() < 1e-15);
     assert_eq!(model.mechanism.actuator_names(), read.mechanism.actuator_names());
     assert_eq!((model.name, model.units), (read.name, read.units));
     let as_problem = parse_problem(Path::new("r.json"), &text, &places()).unwrap_err().to_string();

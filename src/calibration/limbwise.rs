@@ -73,6 +73,25 @@ impl LimbProblem {
         6 - self.mechanism.limbs[0].passive_count()
     }
 
+    /// Jacobian of the whitened residuals at `x` (rows x count), and each residual by the noise of its posture's
+    /// measured pose in standard deviations (rows x 6, `L^-1` of that pose's covariance applied), up to the sign.
+    pub fn sensitivities(&self, x: &[f64]) -> Result<(Mat<f64>, Mat<f64>), EvalError> {
+        let (_, geometry) = self.geometry(x);
+        let mut by_noise = Mat::zeros(self.starts.len() * self.wrench_count(), 6);
+        let (mut first, mut posture_number) = (0, 0);
+        self.visit(&geometry, |_, rows| {
+            let root = &self.starts[posture_number].root;
+            for (i, row) in rows.iter().enumerate() {
+                for j in 0..6 {
+                    by_noise[(first + i, j)] = (0..6).map(|l| row.by_tool[l] * root[(l, j)]).sum();
+                }
+            }
+            first += rows.len();
+            posture_number += 1;
+        })?;
+        Ok((self.linearize(x)?.jac, by_noise))
+    }
+
     fn visit(&self, geometry: &Geometry, mut visit: impl FnMut(&Posture, &[Row])) -> Result<(), EvalError> {
         let mut posture = Posture::new(&self.mechanism);
         let mut rows = vec![Row::default(); self.wrench_count()];

@@ -10,6 +10,7 @@ use crate::model::{Geometry, Mechanism, NotClosed, Posture};
 use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Postures that one thread takes at a time; fixed, so that results do not depend on how many threads there are.
 const CHUNK: usize = 128;
@@ -105,6 +106,11 @@ impl<'a> Calibration<'a> {
         self.starts.iter().map(|start| start.sample.measurement.rows()).sum()
     }
 
+    /// Number of residuals of each sample that takes part.
+    pub fn rows_of_samples(&self) -> impl Iterator<Item = usize> + '_ {
+        self.starts.iter().map(|start| start.sample.measurement.rows())
+    }
+
     /// Closes each posture of a chunk in turn and hands it on with its measurement's rows.
     fn visit(
         &self,
@@ -182,6 +188,34 @@ impl<'a> Calibration<'a> {
             writer.write(self.mechanism, &self.coordinates, postures, sample, block);
             first += sample.rows.len();
         })
+    }
+
+    /// Every limb by itself with the coordinates that are its own, where every posture was measured as a whole pose.
+    pub fn limbs(&self) -> Option<Vec<(LimbProblem, Range<usize>)>> {
+        let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
+        let (mut actuator, mut passive) = (0, 0);
+        for (i, limb) in self.mechanism.limbs.iter().enumerate() {
+            let m = limb.passive_count();
+            let (a, p) = (actuator..actuator + limb.joints.len() - m, passive..passive + m);
+            (actuator, passive) = (a.end, p.end);
+            let starts: Option<Vec<LimbStart>> = self
+                .starts
+                .iter()
+                .map(|s| {
+                    LimbStart::new(s.sample, s.sample.actuators.get(a.clone())?, s.passive.get(p.clone())?)
+                })
+                .collect();
+            let own = &self.coordinates.limbs[i];
+            let problem = LimbProblem::new(self.mechanism, &self.coordinates, i, starts?);
+            parts.push((problem, own.offset..own.offset + own.count));
+        }
+        Some(parts)
+    }
+
+    /// The same with only these of the samples that take part, closed from where they are closed here.
+    pub fn only(&self, samples: Range<usize>) -> Self {
+        let starts = self.starts.get(samples).unwrap_or_default().to_vec();
+        Self { starts, set_aside: Vec::new(), ..self.clone() }
     }
 
     fn at(&self, x: &[f64]) -> (Vec<f64>, Geometry) {
@@ -277,25 +311,11 @@ impl Problem for Calibration<'_> {
         if self.coordinates.instrument.count > 0 {
             return None;
         }
-        let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
-        let (mut actuator, mut passive) = (0, 0);
-        for (i, limb) in self.mechanism.limbs.iter().enumerate() {
-            let m = limb.passive_count();
-            let (a, p) = (actuator..actuator + limb.joints.len() - m, passive..passive + m);
-            (actuator, passive) = (a.end, p.end);
-            let starts: Option<Vec<LimbStart>> = self
-                .starts
-                .iter()
-                .map(|s| {
-                    LimbStart::new(s.sample, s.sample.actuators.get(a.clone())?, s.passive.get(p.clone())?)
-                })
-                .collect();
-            let own = &self.coordinates.limbs[i];
-            let problem = LimbProblem::new(self.mechanism, &self.coordinates, i, starts?);
-            let members = (own.offset..own.offset + own.count).collect();
-            parts.push(Part { problem: Box::new(problem), members });
-        }
-        Some(parts)
+        let part = |(problem, members): (LimbProblem, Range<usize>)| Part {
+            problem: Box::new(problem),
+            members: members.collect(),
+        };
+        Some(self.limbs()?.into_iter().map(part).collect())
     }
 
     fn redundant(&self, x: &[f64]) -> Mat<f64> {

@@ -1,17 +1,15 @@
 //! `gough analyze`: what poses can reveal.
 
+use super::analysis::{Report, json_text};
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
-use crate::calibration::{Coordinates, Sample};
+use crate::calibration::Sample;
 use crate::design::Observability;
-use crate::files::{DataPlaces, Kind, Output, ProblemFile, json, read_problem};
-use crate::identify::Visibility;
-use crate::identify::counts::visibility;
-use crate::model::mobility;
-use crate::problem::Form;
-use crate::simulate::{draw_postures, read};
-use serde::Serialize;
+use crate::files::{Blank, DataPlaces, DataSet, Kind, Output, ProblemFile, read_problem};
+use crate::identify::analyze;
+use crate::model::{Geometry, Mechanism, mobility};
+use crate::simulate::{draw_deviations, draw_postures, read};
 use std::path::PathBuf;
 
 /// Postures drawn where a problem holds none.
@@ -20,159 +18,196 @@ const PLANNED: usize = 60;
 /// Arguments.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Problem file; without samples, random postures in the actuators' ranges stand in for them
+    /// Problem file; samples without a pose are planned ones; without samples, random postures in the actuators' ranges
+    /// stand in for them
     problem: PathBuf,
-    /// Print counts and singular values as JSON
+    /// Print counts, singular values, directions and postures as JSON
     #[arg(long)]
     json: bool,
+    /// Geometry at which the machine is linearised
+    #[arg(long, value_enum, default_value_t = At::Nominal)]
+    at: At,
+    /// Linearise at a machine drawn at random from N times the tolerances instead
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "at")]
+    perturb: Option<f64>,
+    /// Number of random postures, in place of the samples
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    poses: Option<u32>,
+    /// Seed of --perturb and --poses
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
     /// Further folder in which data files are looked for
     #[arg(long, value_name = "DIR")]
     data_dir: Option<PathBuf>,
 }
 
-#[derive(Serialize)]
-struct Analysis<'a> {
-    counts: crate::files::summary::Counts,
-    singular_values: &'a [f64],
-    observability: Option<Indices>,
+/// Where the machine is linearised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum At {
+    /// As drawn
+    Nominal,
+    /// The true machine that a benchmark problem states
+    Truth,
 }
 
-/// Observability indices in the analysis, over the directions that beat the tolerances.
-#[derive(Serialize)]
-struct Indices {
-    directions: usize,
-    poses: usize,
-    o1: f64,
-    o2: f64,
-    o3: f64,
-    o4: f64,
-    o5: f64,
-}
-
-impl From<Observability> for Indices {
-    fn from(of: Observability) -> Self {
-        let Observability { directions, poses, o1, o2, o3, o4, o5 } = of;
-        Self { directions, poses, o1, o2, o3, o4, o5 }
-    }
-}
-
-/// Prints the three counts, at nominal.
+/// Prints the analysis.
 pub fn run(args: &Args) -> Result<Ending, CliError> {
+    if args.perturb.is_some_and(|n| !n.is_finite() || n < 0.0) {
+        return Err(CliError::Usage("--perturb must be a number that is not negative".into()));
+    }
     let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
     problem.require_tolerances()?;
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
-    let planned = problem.data.is_empty();
-    let samples = if planned { planned_samples(&problem)? } else { problem.data.samples.clone() };
-    let zero = vec![0.0; problem.mechanism.component_count()];
-    let seen = with_spinner(format!("analysing {}", problem.name), || {
-        visibility(&problem.mechanism, &samples, &zero)
-    })
-    .map_err(|why| CliError::Evaluate { file: problem.file.clone(), why })?;
-    let indices = Observability::of(&seen.singular_values, samples.len());
-    let text = if args.json {
-        let counts = seen.counts.into();
-        let observability = indices.map(Indices::from);
-        json::text(&Analysis { counts, singular_values: &seen.singular_values, observability })
-            .map_err(|why| CliError::Usage(format!("the analysis cannot be written: {why}")))?
-    } else {
-        let mut text = words(&problem, &samples, planned, &seen);
-        text.push_str(&indices.map(observability).unwrap_or_default());
-        text.into_bytes()
+    let (mechanism, deviations, point) = place(&problem, args)?;
+    let geometry = mechanism.deviated(&deviations);
+    let (what, samples) = match args.poses {
+        None if !problem.data.is_empty() || !problem.data.planned.is_empty() => {
+            let mut samples = problem.data.samples.clone();
+            if !problem.data.planned.is_empty() {
+                samples.extend(planned_in_file(&problem, (&mechanism, &geometry))?);
+            }
+            let what = match (problem.data.samples.is_empty(), problem.data.planned.is_empty()) {
+                (false, true) => "measured postures",
+                (true, _) => "planned postures",
+                (false, false) => "measured and planned postures",
+            };
+            (what, samples)
+        }
+        poses => {
+            let count = poses.map_or(PLANNED, |count| count as usize);
+            let what = match poses {
+                None => "random postures (the problem has no samples)",
+                Some(_) => "random postures",
+            };
+            (what, random(&problem, (&mechanism, &geometry), count, args.seed)?)
+        }
+    };
+    let found =
+        with_spinner(format!("analysing {}", problem.name), || analyze(&mechanism, &samples, &deviations))
+            .map_err(|why| CliError::Evaluate { file: problem.file.clone(), why })?;
+    let report = Report {
+        name: &problem.name,
+        mechanism: &mechanism,
+        samples: &samples,
+        what,
+        point,
+        found: &found,
+        observability: Observability::of(&found.singular_values, samples.len()),
+        notes: problem
+            .data
+            .kind_notes()
+            .into_iter()
+            .map(str::to_owned)
+            .chain(problem.data.point_note().map(|n| n.to_string()))
+            .collect(),
+    };
+    let text = match args.json {
+        true => json_text(&report)
+            .map_err(|why| CliError::Usage(format!("the analysis cannot be written: {why}")))?,
+        false => report.words().into_bytes(),
     };
     Output::Stdout.write(&text)?;
     Ok(Ending::Done)
 }
 
-/// Random postures at which the instrument is taken to measure with the stated noise.
-fn planned_samples(problem: &ProblemFile) -> Result<Vec<Sample>, CliError> {
-    let mechanism = &problem.mechanism;
-    let sets = problem.data.parts();
-    if sets.iter().any(|set| set.noise.is_none()) {
+/// The machine, the deviations at which it is linearised, and that point in words.
+fn place(problem: &ProblemFile, args: &Args) -> Result<(Mechanism, Vec<f64>, String), CliError> {
+    let mut mechanism = problem.mechanism.clone();
+    let zero = vec![0.0; mechanism.component_count()];
+    if let Some(factor) = args.perturb {
+        let drawn = draw_deviations(&mechanism, args.seed, factor);
+        let point = format!("at a machine drawn from {factor} times the tolerances (seed {})", args.seed);
+        return Ok((mechanism, drawn, point));
+    }
+    if args.at == At::Nominal {
+        return Ok((mechanism, zero, "at nominal".into()));
+    }
+    let truth = problem.truth.as_ref().ok_or_else(|| {
+        CliError::Usage(format!("{}: --at truth: the problem states no truth", problem.file))
+    })?;
+    let alike = truth.limbs.len() == mechanism.limbs.len()
+        && truth.limbs.iter().zip(&mechanism.limbs).all(|(a, b)| {
+            a.joints.len() == b.joints.len()
+                && a.joints.iter().zip(&b.joints).all(|(a, b)| a.motion.is_angular() == b.motion.is_angular())
+        });
+    if !alike {
         return Err(CliError::Usage(format!(
-            "{}: neither samples nor data.noise: state the noise to plan with",
+            "{}: --at truth: the true machine has other limbs or joints than the drawing",
             problem.file
         )));
     }
-    let simulate = |why| CliError::Simulate { file: problem.file.clone(), why };
-    let nominal = mechanism.nominal();
-    let mut pool = draw_postures(mechanism, &[&nominal], PLANNED, 0).map_err(simulate)?.into_iter().cycle();
-    let mut samples = Vec::with_capacity(PLANNED * sets.len());
-    for set in sets {
-        for blank in set.blanks.iter().cycle().take(PLANNED) {
-            let name = format!("planned posture {}", samples.len() + 1);
-            let actuators = pool.next().unwrap_or_default();
-            let second =
-                if set.kind == Kind::Separation { pool.next().unwrap_or_default() } else { Vec::new() };
-            let measurement = read(mechanism, &nominal, &*blank.measurement, &actuators, &second)
-                .map_err(|why| CliError::Posture { file: problem.file.clone(), sample: name.clone(), why })?;
-            samples.push(Sample { name, actuators, measurement });
+    for (limb, truth) in mechanism.limbs.iter_mut().zip(&truth.limbs) {
+        for (link, truth) in limb.links.iter_mut().zip(&truth.links) {
+            link.nominal = truth.nominal;
+        }
+        for (joint, truth) in limb.joints.iter_mut().zip(&truth.joints) {
+            joint.frame = truth.frame;
+            joint.motion = truth.motion;
+        }
+    }
+    Ok((mechanism, zero, "at the true machine".into()))
+}
+
+/// A posture at which the instrument is taken to measure with the stated noise: what it measures for each of the sets.
+fn planned(
+    problem: &ProblemFile,
+    (mechanism, geometry): (&Mechanism, &Geometry),
+    blank: &Blank,
+    name: &str,
+    (actuators, second): (&[f64], &[f64]),
+) -> Result<Sample, CliError> {
+    let measurement = read(mechanism, geometry, &*blank.measurement, actuators, second)
+        .map_err(|why| CliError::Posture { file: problem.file.clone(), sample: name.to_owned(), why })?;
+    Ok(Sample { name: name.to_owned(), actuators: actuators.to_vec(), measurement })
+}
+
+/// Postures of the file of which nothing was measured yet.
+fn planned_in_file(problem: &ProblemFile, machine: (&Mechanism, &Geometry)) -> Result<Vec<Sample>, CliError> {
+    let mut samples = Vec::new();
+    for set in problem.data.parts() {
+        require_noise(problem, set)?;
+        for posture in &set.planned {
+            let Some(blank) = set.blanks.first() else { continue };
+            let at = (posture.actuators.as_slice(), posture.actuators.as_slice());
+            samples.push(planned(problem, machine, blank, &posture.name, at)?);
         }
     }
     Ok(samples)
 }
 
-/// The observability indices in words.
-fn observability(of: Observability) -> String {
-    format!(
-        "\nobservability over the {} values above 1 ({} poses): O1 {:.4}, O2 {:.3e}, O3 {:.4}, O4 {:.3e}, O5 {:.4}\n",
-        of.directions, of.poses, of.o1, of.o2, of.o3, of.o4, of.o5
-    )
+/// Random postures inside the actuators' ranges, `count` for each set of data.
+fn random(
+    problem: &ProblemFile,
+    machine: (&Mechanism, &Geometry),
+    count: usize,
+    seed: u64,
+) -> Result<Vec<Sample>, CliError> {
+    let sets = problem.data.parts();
+    sets.iter().try_for_each(|set| require_noise(problem, set))?;
+    let simulate = |why| CliError::Simulate { file: problem.file.clone(), why };
+    let nominal = machine.0.nominal();
+    let mut pool =
+        draw_postures(machine.0, &[&nominal, machine.1], count, seed).map_err(simulate)?.into_iter().cycle();
+    let mut next = || pool.next().unwrap_or_default();
+    let mut samples = Vec::with_capacity(count * sets.len());
+    for set in sets {
+        for blank in set.blanks.iter().cycle().take(count) {
+            let name = format!("posture {}", samples.len() + 1);
+            let actuators = next();
+            let second = if set.kind == Kind::Separation { next() } else { Vec::new() };
+            samples.push(planned(problem, machine, blank, &name, (&actuators, &second))?);
+        }
+    }
+    Ok(samples)
 }
 
-fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibility) -> String {
-    let mechanism = &problem.mechanism;
-    let (r, p) = mechanism.joint_counts();
-    let coordinates = Coordinates::new(mechanism, Form::Minimal);
-    let counts = seen.counts;
-    let rows: usize = samples.iter().map(|sample| sample.measurement.rows()).sum();
-    let what = if planned { "random postures (the problem has no samples)" } else { "measured postures" };
-    let mut text = format!(
-        "{}: {} limbs, {r} angular and {p} prismatic joints, {} actuated; {} {what}, {rows} readings\n\n",
-        problem.name,
-        mechanism.limbs.len(),
-        mechanism.actuator_count(),
-        samples.len(),
-    );
-    text.push_str(&format!(
-        "{:>5}  structural: combinations of link deviations that no pose is blind to by the kind of joints\n",
-        counts.structural
-    ));
-    for (limb, own) in mechanism.limbs.iter().zip(&coordinates.limbs) {
-        let angular = limb.joints.iter().filter(|joint| joint.motion.is_angular()).count();
-        let prismatic = limb.joints.len() - angular;
-        let held = own.sigma.len() - own.free.len();
-        let sensed = limb.joints.iter().filter(|joint| joint.sensed).count();
-        let sum = format!("4*{angular} + 2*{prismatic} + 6 - {} passive", limb.passive_count());
-        text.push_str(&match held {
-            0 if sensed > 0 => {
-                format!("         {}: {} = {sum} + {sensed} sensed\n", limb.name, own.slice.len())
-            }
-            0 => format!("         {}: {} = {sum}\n", limb.name, own.slice.len()),
-            _ => format!("         {}: {} of {sum}, {held} components held\n", limb.name, own.slice.len()),
-        });
+fn require_noise(problem: &ProblemFile, set: &DataSet) -> Result<(), CliError> {
+    match set.noise {
+        Some(_) => Ok(()),
+        None => Err(CliError::Usage(format!(
+            "{}: neither samples nor data.noise: state the noise to plan with",
+            problem.file
+        ))),
     }
-    if !mechanism.instrument.is_empty() {
-        text.push_str(&format!("         instrument: {} unknown constants\n", mechanism.instrument.len()));
-    }
-    text.push_str(&format!(
-        "{:>5}  first order: rank at the nominal geometry over these postures; {} combinations have no \
-         first-order effect there\n         (axes that meet, or stand square or parallel), but appear once the \
-         machine deviates\n",
-        counts.first_order,
-        counts.structural - counts.first_order,
-    ));
-    text.push_str(&format!(
-        "{:>5}  practical: singular values above 1, where these readings know more than the tolerances\n\n",
-        counts.practical
-    ));
-    for line in problem.data.kind_notes().into_iter().chain(problem.data.point_note()) {
-        text.push_str(&format!("       {line}\n"));
-    }
-    text.push_str("whitened singular values (signal-to-noise ratio of one tolerance), at nominal:\n");
-    for chunk in seen.singular_values.chunks(10) {
-        let line: Vec<String> = chunk.iter().map(|s| format!("{s:9.3e}")).collect();
-        text.push_str(&format!("  {}\n", line.join(" ")));
-    }
-    text
 }

@@ -1,12 +1,12 @@
 //! The details of a summary: errors of single kinds of measurement, constants of the instrument, largest deviations.
 
 use super::summary::Summary;
-use crate::identify::Fit;
 use crate::identify::score::Spread;
+use crate::identify::{Fit, Variance};
 use crate::model::Quantity;
 
 /// Deviations shown.
-const SHOWN: usize = 5;
+pub(super) const SHOWN: usize = 5;
 
 /// Four significant digits.
 pub(super) fn digits(value: f64) -> String {
@@ -84,13 +84,16 @@ pub(super) fn largest(of: &Summary<'_>) -> String {
             _ => ("translation", units.length_symbol()),
         };
         let shown = |v: f64| digits(if i < 3 { units.from_radians(v) } else { units.from_metres(v) });
-        let error = found
-            .std
-            .as_ref()
-            .and_then(|std| std.get(index))
-            .map_or(String::new(), |s| format!(" +- {}", shown(*s)));
+        let variance = found.variances.as_ref().and_then(|all| all.get(index));
+        let error = variance.map_or(String::new(), |v| format!(" +- {}", shown(v.total.sqrt())));
+        let source = match variance.map(Variance::prior_share) {
+            Some(share) if share > 0.9 => ", error: tolerance",
+            Some(share) if share > 0.1 => ", error: tolerance and data",
+            Some(_) => ", error: data",
+            None => "",
+        };
         text.push_str(&format!(
-            "  {:24} {:11} {}  {}{error} {symbol}  ({ratio:+.2} tolerances)\n",
+            "  {:24} {:11} {}  {}{error} {symbol}  ({ratio:+.2} tolerances{source})\n",
             name,
             kind,
             ["x", "y", "z"][i % 3],

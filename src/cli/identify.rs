@@ -6,7 +6,9 @@ use super::progress::with_spinner;
 use super::summary::{Summary, summary};
 use crate::calibration::Sample;
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
-use crate::identify::{Fit, Identification, NoiseEstimate, identify, identify_without_noise, score};
+use crate::identify::{
+    Fit, Folds, Identification, NoiseEstimate, cross_validate, identify, identify_without_noise, score,
+};
 use crate::model::mobility;
 use crate::solve::{Identifier, Stop, registry};
 use rand::SeedableRng;
@@ -31,9 +33,12 @@ pub struct Args {
     /// Part of the samples to hold out, between 0 and 1, besides the problem's own hold-out
     #[arg(long, value_name = "FRACTION", allow_negative_numbers = true)]
     holdout: Option<f64>,
-    /// Seed of the choice of held-out samples
+    /// Seed of the choice of held-out samples, and of the parts of --cross-validate
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
+    /// Predict each posture without it: number of parts, or loo for one posture at a time
+    #[arg(long, value_name = "K|loo")]
+    cross_validate: Option<String>,
     /// Refuse postures that cannot take part instead of setting them aside
     #[arg(long)]
     require_all: bool,
@@ -76,6 +81,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         )));
     }
     let (training, mut holdout) = divided(&problem, args)?;
+    let folds =
+        args.cross_validate.as_deref().map(|text| folds(text, training.len(), args.seed)).transpose()?;
     let stop = Stop::default();
     let message = format!("identifying {} from {} postures", problem.name, training.len());
     let outcome = with_spinner(message, || match problem.data.has_noise() {
@@ -97,6 +104,16 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     if let (Some(noise), false) = (&noise, problem.holdout.has_noise()) {
         holdout = noise.weigh(&holdout);
     }
+    let weighed = noise.as_ref().map_or_else(|| training.clone(), |noise| noise.weigh(&training));
+    let cross_validation = match folds {
+        None => None,
+        Some(folds) => {
+            let message = format!("leaving out postures of {}", problem.name);
+            let left_out = || cross_validate(&found, &weighed, folds, identifier.as_ref(), &stop);
+            let why = |why| CliError::Identify { file: problem.file.clone(), why };
+            with_spinner(message, left_out).map_err(why)?
+        }
+    };
     let held_out: (Option<Fit>, Option<Fit>) = (
         score::score(&found.start, &found.start.nominal(), &holdout),
         score::score(&found.start, &found.geometry, &holdout),
@@ -108,6 +125,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         held_out: holdout.len(),
         out_of_range: out_of_range(&problem),
         noise,
+        test: found.chi_square_test(&weighed),
+        cross_validation,
         identifier: identifier.as_ref(),
     };
     let text = summary(&report);
@@ -127,6 +146,19 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         eprintln!("warning: {warning}");
     }
     Ok(if found.report.outcome.converged() { Ending::Done } else { Ending::NotConverged })
+}
+
+/// How `samples` postures are divided for cross-validation.
+fn folds(text: &str, samples: usize, seed: u64) -> Result<Folds, CliError> {
+    if text == "loo" && samples > 1 {
+        return Ok(Folds::LeaveOneOut);
+    }
+    match text.parse::<usize>() {
+        Ok(count) if (2..=samples).contains(&count) => Ok(Folds::Parts { count, seed }),
+        _ => Err(CliError::Usage(format!(
+            "--cross-validate {text}: give a number of parts from 2 to the {samples} postures there are, or loo"
+        ))),
+    }
 }
 
 /// Whether both paths lead to one existing file.

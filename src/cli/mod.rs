@@ -1,5 +1,6 @@
 //! The command line: one file a command.
 
+pub mod analysis;
 pub mod analyze;
 pub mod check;
 pub mod command;
@@ -13,8 +14,10 @@ pub mod import_csv;
 pub mod plan;
 pub mod predict;
 pub mod progress;
+pub mod result;
 pub mod simulate;
 pub mod solvers;
 pub mod summary;
+pub mod warnings;
 
 pub use dispatch::run;

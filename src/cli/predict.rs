@@ -3,9 +3,13 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
-use crate::files::{Output, PosesFormat, poses_text, read_actuators, read_model};
+use crate::files::{
+    Model, Output, PosesFormat, poses_text, read_actuators, read_model, uncertain_poses_text,
+};
+use crate::identify::{LinkRoot, pose_covariances};
 use crate::model::mobility;
 use crate::simulate::close;
+use faer::Mat;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -17,6 +21,9 @@ pub struct Args {
     /// Actuator readings: CSV with a column each, or JSON with samples
     #[arg(long, value_name = "FILE")]
     actuators: PathBuf,
+    /// State the standard deviation of every component and the covariance (results only)
+    #[arg(long)]
+    uncertainty: bool,
     /// Where to write the poses (.json or .csv; standard output if left out)
     #[arg(short, long, value_name = "POSES")]
     output: Option<PathBuf>,
@@ -30,11 +37,12 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let geometry = model.mechanism.nominal();
     mobility::check(&model.mechanism, &geometry)
         .map_err(|why| CliError::Mobility { file: model.file.clone(), why })?;
+    let links = args.uncertainty.then(|| link_root(&model)).transpose()?;
     let rows = read_actuators(&args.actuators, &model)?;
     let closed: Vec<_> = with_spinner(format!("closing {} postures", rows.len()), || {
         rows.par_iter().map(|row| close(&model.mechanism, &geometry, &row.variables)).collect()
     });
-    let mut poses = Vec::with_capacity(rows.len());
+    let (mut poses, mut postures) = (Vec::with_capacity(rows.len()), Vec::new());
     for (row, posture) in rows.iter().zip(closed) {
         let posture = posture.map_err(|why| CliError::Posture {
             file: args.actuators.display().to_string(),
@@ -42,10 +50,37 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             why,
         })?;
         poses.push((row.readings.clone(), posture.tool()));
+        if links.is_some() {
+            postures.push((row.variables.clone(), posture));
+        }
     }
     let format = args.output.as_deref().map_or(PosesFormat::default(), PosesFormat::of);
-    let text = poses_text(format, &model.mechanism.actuator_names(), &poses, model.units)
-        .map_err(|why| CliError::Usage(format!("poses cannot be written: {why}")))?;
+    let names = model.mechanism.actuator_names();
+    let text = match links {
+        None => poses_text(format, &names, &poses, model.units),
+        Some(links) => {
+            let covariances = pose_covariances(&model.mechanism, &postures, &links).map_err(|why| {
+                let (file, sample) = (args.actuators.display().to_string(), "uncertainty".into());
+                CliError::Posture { file, sample, why }
+            })?;
+            let covariances: Vec<_> = covariances.iter().map(|c| c.total).collect();
+            uncertain_poses_text(format, &names, &poses, &covariances, model.units)
+        }
+    };
+    let text = text.map_err(|why| CliError::Usage(format!("poses cannot be written: {why}")))?;
     output.write(&text)?;
     Ok(Ending::Done)
+}
+
+/// What the result says of its machine's covariance.
+fn link_root(model: &Model) -> Result<LinkRoot, CliError> {
+    let stated = model.uncertainty.as_ref().ok_or_else(|| {
+        CliError::Usage(format!(
+            "{}: --uncertainty: it states none; give the result of `gough identify` with an identifier that linear \
+             theory describes (minimal, map, argmin-*, limbwise)",
+            model.file
+        ))
+    })?;
+    let root = Mat::from_fn(model.mechanism.component_count(), stated.root.len(), |i, j| stated.root[j][i]);
+    Ok(LinkRoot { root, prior_share: stated.prior_share.clone() })
 }

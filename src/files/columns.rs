@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const ROTATION: [&str; 3] = ["rx", "ry", "rz"];
 const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
+/// Standard deviations of predicted poses; nothing is read from them.
+const STD: [&str; 6] = ["sx", "sy", "sz", "srx", "sry", "srz"];
 
 /// Names of the columns of a table that does not use ours. Columns that are not named are left aside.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -50,6 +52,13 @@ pub struct ColumnsDrawing {
     /// Of the gauge's name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gauge: Option<String>,
+}
+
+impl ColumnsDrawing {
+    /// Whether no column of a pose has a name of its own.
+    fn names_no_pose(&self) -> bool {
+        self.position.is_none() && self.rotation.is_none() && self.quaternion.is_none()
+    }
 }
 
 /// Where in a row everything stands.
@@ -183,7 +192,7 @@ impl Header<'_> {
 
     /// Refuses columns that mean nothing, where the table uses our names.
     fn check_known(&self, layout: &Layout) -> Result<(), FileError> {
-        let ours = POSITION.iter().chain(&ROTATION).chain(&QUATERNION);
+        let ours = POSITION.iter().chain(&ROTATION).chain(&QUATERNION).chain(&STD);
         let ours: Vec<&str> = ours.copied().collect();
         let unknown = self.names.iter().enumerate().find(|(i, name)| {
             !layout.actuators.contains(i)
@@ -236,6 +245,13 @@ impl Layout {
             return Ok(layout);
         }
         let own = request.columns;
+        let ours = POSITION.iter().chain(&ROTATION).chain(&QUATERNION);
+        if own.is_none_or(ColumnsDrawing::names_no_pose)
+            && !ours.into_iter().any(|name| header.find(name).is_some())
+        {
+            // Readings alone: planned postures.
+            return Ok(layout);
+        }
         layout.position = Some(match own.and_then(|columns| columns.position.as_ref()) {
             Some(names) => header.named(names)?,
             None => header.group(POSITION)?.ok_or_else(|| header.missing("`x`, `y`, `z`".into()))?,

@@ -1,7 +1,7 @@
 //! The `data` of a problem file: where the measured postures are, and what is known of their noise.
 
 use super::columns::ColumnsDrawing;
-use super::dataset::{Blank, DataSet, Kind};
+use super::dataset::{Blank, DataSet, Kind, PlannedPosture};
 use super::error::FileError;
 use super::fault::Fault;
 use super::instrument::{Instrument, InstrumentDrawing};
@@ -81,7 +81,7 @@ pub struct DataDrawing {
 pub struct SampleDrawing {
     /// Readings in actuator order, angle or length of the file.
     pub actuators: Vec<f64>,
-    /// Measured pose.
+    /// Measured pose; left out where the posture is only planned.
     #[serde(default, skip_serializing_if = "PoseDrawing::is_empty")]
     pub pose: PoseDrawing,
     /// Actuator readings of the posture that this one is compared with.
@@ -117,6 +117,15 @@ pub struct SampleDrawing {
 }
 
 impl SampleDrawing {
+    /// Whether nothing was read but the actuators of one posture: it is planned, not measured.
+    fn is_planned(&self) -> bool {
+        self.pose.is_empty()
+            && self.second.is_none()
+            && self.distance.is_none()
+            && self.height.is_none()
+            && self.joints.is_none()
+    }
+
     /// A posture with joint variables `variables` (rad or m, actuator order) measured at `pose`.
     pub fn of(mechanism: &Mechanism, units: Units, variables: &[f64], pose: &Se3) -> Self {
         let actuators = readings(mechanism, units, variables);
@@ -354,6 +363,10 @@ impl Filling<'_> {
         let readings_at = written.part("actuators");
         let Context { mechanism, units, .. } = *self.context;
         let actuators = variables(mechanism, units, &sample.actuators, &readings_at)?;
+        if sample.is_planned() {
+            self.set.planned.push(PlannedPosture { name, actuators });
+            return Ok(());
+        }
         let (measurement, measured) = self.reader.measurement(&written, &self.weight, own)?;
         self.set.samples.push(Sample { name, actuators, measurement });
         self.set.measured.push(measured);

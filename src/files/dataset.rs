@@ -101,6 +101,15 @@ pub struct Blank {
     pub sensed: Vec<(Motion, f64)>,
 }
 
+/// A posture of which nothing was measured yet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedPosture {
+    /// Where it stands in its source.
+    pub name: String,
+    /// Actuator variables (reading - home) in actuator order, rad or m.
+    pub actuators: Vec<f64>,
+}
+
 /// The postures that a problem's `data` or `holdout` holds; none where only noise is stated.
 #[derive(Clone, Debug, Default)]
 pub struct DataSet {
@@ -112,6 +121,8 @@ pub struct DataSet {
     pub measured: Vec<MeasuredPose>,
     /// The same as the file writes it, in its units.
     pub written: Vec<PoseDrawing>,
+    /// Postures that are planned: readings without a pose.
+    pub planned: Vec<PlannedPosture>,
     /// Covariance of a measured pose (rotation first, rad and m), where it is stated for all samples.
     pub noise: Option<Matrix6<f64>>,
     /// Where the data come from, in words.
@@ -152,6 +163,7 @@ impl DataSet {
             kind: first.map_or(Kind::default(), |set| set.kind),
             samples: sets.iter().flat_map(|set| set.samples.iter().cloned()).collect(),
             measured: sets.iter().flat_map(|set| set.measured.iter().cloned()).collect(),
+            planned: sets.iter().flat_map(|set| set.planned.iter().cloned()).collect(),
             written: sets.iter().flat_map(|set| set.written.iter().cloned()).collect(),
             noise: first.and_then(|set| set.noise),
             origin,

@@ -19,6 +19,11 @@ pub enum Fault {
     #[error("the format is {found}; expected {expected}")]
     Format { found: String, expected: &'static str },
 
+    #[error("{found} numbers where {wanted} belong")]
+    Length { found: usize, wanted: usize },
+    #[error("{0} is no share; it lies between 0 and 1")]
+    Share(f64),
+
     #[error("{0} is not a finite number")]
     NotFinite(f64),
     #[error("{value} {unit} is too large: the limit is {limit} {unit}; are the units right?")]
@@ -76,6 +81,8 @@ pub enum Fault {
     Incomplete,
     #[error("some components of the rotation are missing; a rotation is measured wholly or not at all")]
     PartRotation,
+    #[error("no pose; a posture that is only planned serves `gough analyze` alone: measure it, or remove it")]
+    Planned,
     #[error("nothing was measured here; remove the sample")]
     NothingMeasured,
     #[error("the quaternion is zero")]

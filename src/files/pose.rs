@@ -38,7 +38,7 @@ pub struct Components {
 }
 
 impl PoseDrawing {
-    /// Whether nothing is stated.
+    /// Whether nothing at all is stated, not even as missing.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }

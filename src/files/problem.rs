@@ -11,6 +11,7 @@ use super::json;
 use super::machine::Drawn;
 use super::place::Place;
 use super::result::{RESULT_FORMAT, ResultFile};
+use super::uncertainty::LinkUncertainty;
 use super::units::Units;
 use crate::model::Mechanism;
 use serde::{Deserialize, Serialize};
@@ -83,6 +84,8 @@ pub struct Model {
     pub mechanism: Mechanism,
     /// What the problem's data file calls its columns.
     pub columns: Option<ColumnsDrawing>,
+    /// How well the machine of a result is known, where the result says it.
+    pub uncertainty: Option<LinkUncertainty>,
 }
 
 /// Folders where a data file may be, other than that of the problem file.
@@ -176,20 +179,23 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
     let file = path.display().to_string();
     let at = Place::file(&file);
     let head = Head::read(&file, bytes)?;
-    let (name, units, mechanism, columns) = match head.format() {
+    let (name, units, mechanism, columns, uncertainty) = match head.format() {
         Some(PROBLEM_FORMAT) => {
             let problem: ProblemDrawing = json::parse(&file, bytes)?;
             let columns = problem.data.and_then(|data| data.columns);
-            (problem.name.unwrap_or_else(|| stem(path)), problem.units, problem.mechanism, columns)
+            (problem.name.unwrap_or_else(|| stem(path)), problem.units, problem.mechanism, columns, None)
         }
         Some(RESULT_FORMAT) => {
             let result: ResultFile = json::parse(&file, bytes)?;
-            (result.problem, result.units, result.mechanism, None)
+            (result.problem, result.units, result.mechanism, None, result.uncertainty)
         }
         _ => return Err(head.wrong(&file, "gough-problem/1 or gough-result/1")),
     };
     let mechanism = mechanism.read(units, &at.key("mechanism"))?.mechanism;
-    Ok(Model { name, units, mechanism, columns, file: file.clone() })
+    let links = mechanism.component_count() / 6;
+    let at_uncertainty = at.key("uncertainty");
+    let uncertainty = uncertainty.map(|u| u.read(links, units, &at_uncertainty)).transpose()?;
+    Ok(Model { name, units, mechanism, columns, uncertainty, file: file.clone() })
 }
 
 #[derive(Deserialize)]
@@ -231,8 +237,13 @@ impl ProblemFile {
         }
     }
 
-    /// Refuses a problem without measured postures.
+    /// Refuses a problem without measured postures, or with some that are only planned.
     pub fn require_samples(&self) -> Result<(), FileError> {
+        for (key, set) in [("data", &self.data), ("data.holdout", &self.holdout)] {
+            if let Some(planned) = set.planned.first() {
+                return Err(Place::file(&self.file).key(key).named(&planned.name).error(Fault::Planned));
+            }
+        }
         if self.data.is_empty() {
             Err(Place::file(&self.file).key("data").error(Fault::NoSamples))
         } else {

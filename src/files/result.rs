@@ -3,9 +3,10 @@
 use super::drawing::MechanismDrawing;
 use super::noise::NoiseDrawing;
 use super::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, LinkResult, SetAsideEntry, TraceEntry,
-    WeightEntry, numbers,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, LinkResult,
+    SetAsideEntry, TraceEntry, WeightEntry, numbers,
 };
+use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -40,6 +41,9 @@ pub struct ResultFile {
     pub fit: Option<BeforeAfter>,
     /// Errors on poses that were not.
     pub holdout: Option<BeforeAfter>,
+    /// Errors on the poses that were used, each predicted without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cross_validation: Option<CrossValidationEntry>,
     /// Residual against the stated noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chi_square: Option<ChiSquare>,
@@ -73,6 +77,9 @@ pub struct ResultFile {
     pub links: Vec<LinkResult>,
     /// The calibrated machine, as a problem states one.
     pub mechanism: MechanismDrawing,
+    /// How well that machine is known, where linear theory applies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncertainty: Option<UncertaintyDrawing>,
     /// Of the programs that made this.
     pub versions: BTreeMap<String, String>,
 }

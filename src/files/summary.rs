@@ -154,6 +154,9 @@ pub struct LinkResult {
     pub deviation: Deviation,
     /// Standard errors, `None` where they are not known.
     pub std: Option<Deviation>,
+    /// Of each variance, the share that stems from the tolerances and not from the measurements: 0 is data, 1 is prior.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior_share: Option<Deviation>,
 }
 
 /// What was found of a constant of the instrument.
@@ -208,7 +211,7 @@ pub struct WeightEntry {
 }
 
 /// Residual against the stated noise.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ChiSquare {
     /// Sum of squares of the whitened residual.
@@ -217,4 +220,22 @@ pub struct ChiSquare {
     /// Residuals less parameters, those that lean on the prior counted in part.
     #[serde(deserialize_with = "number")]
     pub degrees_of_freedom: f64,
+    /// Probability that the stated noise alone makes it as large, or larger.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
+    /// What follows, in a sentence.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<String>,
+}
+
+/// Errors of postures predicted without them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CrossValidationEntry {
+    /// Into how many parts the postures were divided.
+    pub folds: usize,
+    /// Parts for which the machine was identified again; for the others the change follows from the influence matrix.
+    pub refitted: usize,
+    /// Prediction errors of the postures left out.
+    pub errors: PoseErrors,
 }

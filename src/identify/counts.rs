@@ -1,13 +1,17 @@
 //! The three counts of what can be identified (docs/theory.md section 5), at one geometry.
 
-use crate::calibration::{Calibration, Postures, Sample};
+use crate::calibration::{Calibration, Postures, Sample, SetAside};
 use crate::linalg;
 use crate::measure::Weights;
 use crate::model::Mechanism;
 use crate::problem::{EvalError, Form, Problem};
 
-/// Relative size below which a singular value of the Jacobian in m and rad is zero (first-order rank).
-const RANK: f64 = 1e-8;
+/// Relative size below which a singular value is rounding.
+const ROUNDING: f64 = 1e-13;
+/// Relative size below which a singular value may belong to a drawing that was rounded to some decimals.
+const SMALL: f64 = 1e-6;
+/// Ratio of neighbouring singular values that separates what is there from what rounding of the drawing left.
+const GAP: f64 = 1e3;
 
 /// How many combinations of link deviations can be seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,24 +40,46 @@ pub struct Visibility {
 /// What the samples can see at link deviations `at` (rad, m), apart from the values that they happened to read:
 /// every instrument is taken to read what the geometry predicts. Samples that do not close are left out.
 pub fn visibility(mechanism: &Mechanism, samples: &[Sample], at: &[f64]) -> Result<Visibility, EvalError> {
+    visibility_of(mechanism, &expected(mechanism, samples, at).0, at)
+}
+
+/// Samples with the readings that the geometry at deviations `at` predicts, and those that do not close.
+pub(super) fn expected(
+    mechanism: &Mechanism,
+    samples: &[Sample],
+    at: &[f64],
+) -> (Vec<Sample>, Vec<SetAside>) {
     let geometry = mechanism.deviated(at);
     let mut postures = Postures::new(mechanism);
-    let mut expected = Vec::with_capacity(samples.len());
-    for sample in samples {
-        if sample.close_all(mechanism, &geometry, &mut postures).is_ok() {
-            let measurement = sample.measurement.expected(&postures.view(sample, &geometry));
-            expected.push(Sample { measurement, ..sample.clone() });
+    let (mut expected, mut apart) = (Vec::with_capacity(samples.len()), Vec::new());
+    for (index, sample) in samples.iter().enumerate() {
+        match sample.close_all(mechanism, &geometry, &mut postures) {
+            Ok(()) => {
+                let measurement = sample.measurement.expected(&postures.view(sample, &geometry));
+                expected.push(Sample { measurement, ..sample.clone() });
+            }
+            Err(reason) => apart.push(SetAside { sample: index, name: sample.name.clone(), reason }),
         }
     }
-    let problem = Calibration::new(mechanism, &expected, Form::Minimal, at);
+    (expected, apart)
+}
+
+/// What samples see whose readings are those expected at deviations `at`.
+pub(super) fn visibility_of(
+    mechanism: &Mechanism,
+    expected: &[Sample],
+    at: &[f64],
+) -> Result<Visibility, EvalError> {
+    let problem = Calibration::new(mechanism, expected, Form::Minimal, at);
     let structural = problem.coordinates().slice_count();
     let here = problem.compress(&problem.coordinates().nearest(at))?;
     let svd = linalg::svd(here.jac.as_ref())
         .ok_or_else(|| EvalError("the whitened Jacobian is not finite".into()))?;
     let mut singular_values = svd.s;
     singular_values.resize(structural, 0.0);
-    let practical = singular_values.iter().filter(|s| **s > 1.0).count();
-    let first_order = first_order(mechanism, &expected, at)?;
+    let first_order = first_order(mechanism, expected, at)?.min(structural);
+    // What has no effect to first order is not known however little noise there is: its value is rounding.
+    let practical = singular_values.iter().filter(|s| **s > 1.0).count().min(first_order);
     Ok(Visibility {
         counts: Counts { structural, first_order, practical },
         singular_values,
@@ -70,5 +96,17 @@ fn first_order(mechanism: &Mechanism, expected: &[Sample], at: &[f64]) -> Result
     let here = plain.compress(&plain.coordinates().nearest(at))?;
     let s = linalg::singular_values(here.jac.as_ref())
         .ok_or_else(|| EvalError("the Jacobian is not finite".into()))?;
-    Ok(s.iter().filter(|v| **v > RANK * s[0]).count())
+    Ok(rank(&s))
+}
+
+/// Numerical rank by descending singular values (5.1): those above rounding, but only those before the widest gap where
+/// small values lie beyond a wide one. A drawing rounded to six decimals is not square to rounding.
+fn rank(s: &[f64]) -> usize {
+    let Some(&largest) = s.first() else { return 0 };
+    let above = s.iter().filter(|v| **v > ROUNDING * largest).count();
+    let gaps = (1..above).filter(|&k| s[k] < SMALL * largest).map(|k| (k, s[k - 1] / s[k]));
+    match gaps.max_by(|a, b| a.1.total_cmp(&b.1)) {
+        Some((k, ratio)) if ratio > GAP => k,
+        _ => above,
+    }
 }

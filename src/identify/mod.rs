@@ -1,14 +1,27 @@
 //! From measurements to a calibrated machine: registration, identification, scores and counts.
 
+pub mod analysis;
 pub mod counts;
+pub mod covariance;
+pub mod cross_validation;
+pub mod directions;
 pub mod noise;
 mod references;
 pub mod registration;
+pub mod residual;
 pub mod run;
 pub mod score;
+pub mod sparse;
 mod targets;
+pub mod uncertainty;
 
+pub use analysis::{Analysis, PostureInformation, analyze};
 pub use counts::{Counts, Visibility};
+pub use covariance::{Covariance, Variance};
+pub use cross_validation::{CrossValidation, Folds, cross_validate};
+pub use directions::{Direction, Likeness};
 pub use noise::{NoiseEstimate, identify_without_noise};
+pub use residual::{ChiSquareTest, Verdict};
 pub use run::{Identification, IdentifyError, identify};
 pub use score::Fit;
+pub use uncertainty::{LinkRoot, PoseCovariance, pose_covariances};

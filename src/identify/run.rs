@@ -1,17 +1,17 @@
 //! One identification: which postures take part, the identifier's run, and what came of it.
 
 use super::counts::{Counts, Visibility, visibility};
+use super::covariance::{Covariance, Variance};
+use super::cross_validation::residual_without;
 use super::registration::{FreeEnds, registered};
+use super::residual::ChiSquareTest;
 use super::score::{Fit, Outlier, outliers, score};
-use crate::calibration::{Calibration, Sample, SetAside};
-use crate::lie::Se3;
-use crate::lie::se3::{self, Twist};
+use super::uncertainty::LinkRoot;
+use crate::calibration::{Calibration, Coordinates, Sample, SetAside};
 use crate::measure::Weights;
 use crate::model::{Geometry, Mechanism, Posture, Prior};
 use crate::problem::{Form, Problem};
-use crate::solve::split::prior_weight;
 use crate::solve::{Estimate, Identifier, Iterate, Report, Stop};
-use nalgebra::Matrix6;
 
 /// Ratio of the extreme singular values of the wrench matrix below which a posture is reported.
 const NEAR_SINGULAR: f64 = 1e-2;
@@ -57,8 +57,10 @@ pub struct Identification {
     pub geometry: Geometry,
     /// Deviation of every link from the drawing, six per link, rad and m; then of the instrument's constants.
     pub deviations: Vec<f64>,
-    /// Standard error of each, `None` where linear theory does not apply.
-    pub std: Option<Vec<f64>>,
+    /// Variance of each, `None` where linear theory does not apply.
+    pub variances: Option<Vec<Variance>>,
+    /// Covariance of the minimal coordinates about `start`, `None` where linear theory does not apply.
+    pub covariance: Option<Covariance>,
     /// The identifier's own report, of its last round.
     pub report: Report,
     /// Accepted iterations over all rounds.
@@ -151,7 +153,15 @@ pub fn identify(
     let geometry = start.deviated(&at);
     let visibility_at = |at: &[f64]| visibility(&start, samples, at).ok();
     let at_solution = visibility_at(&at);
-    let std = at_solution.as_ref().and_then(|v| standard_errors(drawn, &start, &at, v, report.estimate));
+    let covariance = match (report.estimate, at_solution.as_ref()) {
+        (Estimate::Decoupled { .. }, Some(_)) => {
+            Covariance::decoupled(report.estimate, &problem, &x).ok().flatten()
+        }
+        (estimate, seen) => seen.and_then(|seen| Covariance::joint(estimate, seen)),
+    };
+    let minimal = Coordinates::new(&start, Form::Minimal);
+    let variances =
+        covariance.as_ref().map(|c| c.of_deviations(&c.of_links(&minimal, &at), drawn, &geometry));
     let (near_singular, other_mode) = singularities(&start, &geometry, samples);
     Ok(Identification {
         fit: (score(&start, &start.nominal(), samples), score(&start, &geometry, samples)),
@@ -165,7 +175,8 @@ pub fn identify(
         visibility: at_solution,
         start,
         geometry,
-        std,
+        variances,
+        covariance,
         report,
         trace,
         set_aside_at_start,
@@ -173,7 +184,7 @@ pub fn identify(
 }
 
 /// Postures whose wrench matrix is close to losing rank, and those with another sign of its determinant than home.
-fn singularities(
+pub(super) fn singularities(
     mechanism: &Mechanism,
     geometry: &Geometry,
     samples: &[Sample],
@@ -198,76 +209,62 @@ fn singularities(
     (near, other_mode)
 }
 
-/// Weight of the prior on a direction of singular value `s`; `None` where linear theory does not apply.
-///
-/// Least squares without any prior has no finite error along directions that the data cannot see; there the
-/// tolerance stands in for it.
-fn weight(estimate: Estimate, s: f64) -> Option<f64> {
-    match estimate {
-        Estimate::Split { threshold } => Some(prior_weight(s / threshold)),
-        Estimate::Ridge { weight } => Some(weight),
-        Estimate::LeastSquares => Some(if s > 1e-6 { 0.0 } else { 1.0 }),
-        Estimate::Other => None,
-    }
-}
-
-/// Standard errors of the link deviations, from the singular value decomposition at the solution `at`: covariance
-/// `(J'J + W)^-1`, `W` the prior that the estimate used.
-fn standard_errors(
-    drawn: &Mechanism,
-    start: &Mechanism,
-    at: &[f64],
-    seen: &Visibility,
-    estimate: Estimate,
-) -> Option<Vec<f64>> {
-    let coordinates = crate::calibration::Coordinates::new(start, Form::Minimal);
-    // A registered link deviates by D from the drawing and by d from where it was registered: dD follows from dd.
-    let links = |mechanism: &Mechanism| -> Vec<Se3> { mechanism.nominal().limbs.concat() };
-    let charts: Vec<Option<Matrix6<f64>>> = links(drawn)
-        .iter()
-        .zip(links(start))
-        .zip(at.chunks_exact(6))
-        .map(|((drawn, start), d)| {
-            let d = Twist::from_column_slice(d);
-            let whole = se3::log(&(drawn.inverse() * start * se3::exp(&d)));
-            (*drawn != start).then(|| se3::left_jacobian_inverse(&-whole) * se3::right_jacobian(&d))
-        })
-        .collect();
-    let mut variance = vec![0.0; start.component_count()];
-    for (k, s) in seen.singular_values.iter().enumerate() {
-        let scale = 1.0 / (s * s + weight(estimate, *s)?).sqrt();
-        let column: Vec<f64> = seen.directions.col(k).iter().map(|v| v * scale).collect();
-        let column = coordinates.deviations(&column);
-        let links = start.link_component_count();
-        variance.iter_mut().zip(&column).skip(links).for_each(|(sum, v)| *sum += v * v);
-        for ((sum, d), chart) in
-            variance[..links].chunks_exact_mut(6).zip(column.chunks_exact(6)).zip(&charts)
-        {
-            let d = Twist::from_column_slice(d);
-            let shown = chart.map_or(d, |chart| chart * d);
-            sum.iter_mut().zip(shown.iter()).for_each(|(sum, v)| *sum += v * v);
-        }
-    }
-    Some(variance.into_iter().map(f64::sqrt).collect())
-}
-
 impl Identification {
     /// Counts at the solution, or at nominal where the solution cannot be evaluated.
     pub fn counts(&self) -> Option<Counts> {
         self.visibility.as_ref().or(self.nominal.as_ref()).map(|v| v.counts)
     }
 
-    /// Chi-square of the residuals and its degrees of freedom, for estimates that linear theory describes.
-    ///
-    /// The effective number of parameters is the trace of the influence matrix, `sum s^2 / (s^2 + w)`.
+    /// Chi-square of the residuals and its degrees of freedom, its expectation under the stated noise (10.5), for
+    /// estimates that linear theory describes.
     pub fn chi_square(&self) -> Option<(f64, f64)> {
-        let fit = self.fit.1?;
-        let seen = self.visibility.as_ref()?;
-        let estimate = self.report.estimate;
-        let mut used = 0.0;
-        for s in seen.singular_values.iter().filter(|s| **s > 0.0) {
-            used += s * s / (s * s + weight(estimate, *s)?);
+        let (fit, covariance) = (self.fit.1?, self.covariance.as_ref()?);
+        Some((fit.weighted_rms.powi(2) * self.rows as f64, self.rows as f64 - covariance.absorbed))
+    }
+
+    /// Standard error of each deviation, rad and m; `None` where linear theory does not apply.
+    pub fn standard_errors(&self) -> Option<Vec<f64>> {
+        Some(self.variances.as_ref()?.iter().map(|v| v.total.sqrt()).collect())
+    }
+
+    /// The machine as identified, with the priors of the drawing.
+    pub fn calibrated(&self) -> Mechanism {
+        let mut machine = self.start.clone();
+        for (i, (limb, links)) in machine.limbs.iter_mut().zip(&self.geometry.limbs).enumerate() {
+            for (link, g) in limb.links.iter_mut().zip(links) {
+                link.nominal = *g;
+            }
+            for (joint, frame) in limb.joints.iter_mut().zip(self.geometry.home_frames(i)) {
+                joint.frame = frame;
+            }
         }
-        Some((fit.weighted_rms.powi(2) * self.rows as f64, self.rows as f64 - used))
+        machine
+    }
+
+    /// Square root of the covariance of the links of [`calibrated`](Self::calibrated), `None` where linear theory does
+    /// not apply.
+    pub fn link_root(&self) -> Option<LinkRoot> {
+        let covariance = self.covariance.as_ref()?;
+        let at = self.geometry.deviations_from(&self.start.nominal());
+        let coordinates = Coordinates::new(&self.start, Form::Minimal);
+        let root = covariance.of_links(&coordinates, &at);
+        let root = root.get(..self.start.link_component_count(), ..).to_owned();
+        Some(LinkRoot { root, prior_share: covariance.prior_share.clone() })
+    }
+
+    /// Chi-square test of the residual of the samples that were identified from; `None` where linear theory does not
+    /// apply or nothing is left to test.
+    pub fn chi_square_test(&self, samples: &[Sample]) -> Option<ChiSquareTest> {
+        let (value, freedom) = self.chi_square()?;
+        let apart = |name: &str| self.set_aside.iter().any(|s| s.name == name);
+        let taking: Vec<Sample> = samples.iter().filter(|s| !apart(&s.name)).cloned().collect();
+        let stands_out = |s: &Sample| self.outliers.iter().any(|o| o.name == s.name);
+        let outlying: Vec<usize> = (0..taking.len()).filter(|&i| stands_out(&taking[i])).collect();
+        let without = match outlying.is_empty() {
+            true => None,
+            false => residual_without(self, &taking, &outlying)
+                .map(|(square, rows)| (square, freedom - (self.rows as f64 - rows as f64))),
+        };
+        ChiSquareTest::new((value, freedom), &self.start, &self.geometry, &taking, without)
     }
 }

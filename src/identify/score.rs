@@ -77,11 +77,17 @@ pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) 
 
 /// Scores the geometry; `None` where no sample closes.
 pub fn score(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Option<Fit> {
-    let scored: Vec<Option<(Errors, f64, usize)>> = samples
+    let pairs: Vec<(&Geometry, &Sample)> = samples.iter().map(|sample| (geometry, sample)).collect();
+    score_each(mechanism, &pairs)
+}
+
+/// Scores each sample by a geometry of its own; `None` where none closes.
+pub fn score_each(mechanism: &Mechanism, pairs: &[(&Geometry, &Sample)]) -> Option<Fit> {
+    let scored: Vec<Option<(Errors, f64, usize)>> = pairs
         .par_iter()
         .map_init(
             || (Postures::new(mechanism), Evaluation::default()),
-            |(postures, evaluation), sample| {
+            |(postures, evaluation), (geometry, sample)| {
                 sample.close_all(mechanism, geometry, postures).ok()?;
                 let view = postures.view(sample, geometry);
                 evaluation.clear();

@@ -22,7 +22,7 @@ impl Identifier for Limbwise {
     }
 
     fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
-        let estimate = Estimate::Split { threshold: Minimal::default().threshold };
+        let estimate = Estimate::Decoupled { threshold: Minimal::default().threshold };
         let mut report = Report::new(self.name(), start, estimate);
         let Some(parts) = problem.parts() else {
             let why = "it does not fall into independent parts: every sample must be a whole pose";

@@ -94,6 +94,11 @@ pub enum Estimate {
         /// Signal-to-noise ratio above which a direction is left to the data.
         threshold: f64,
     },
+    /// Like `Split`, each part of the problem by itself, blind to noise that the parts have in common.
+    Decoupled {
+        /// Signal-to-noise ratio above which a direction of a part is left to the data.
+        threshold: f64,
+    },
     /// Unit prior on every direction, times this weight.
     Ridge {
         /// Factor on `|x|^2 / 2`.

@@ -1,0 +1,178 @@
+//! The result file of one identification.
+
+use super::summary::Summary;
+use crate::files::noise::NoiseDrawing;
+use crate::files::place::Place;
+use crate::files::result::RESULT_FORMAT;
+use crate::files::summary::{
+    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, Deviation,
+    LinkResult, PoseErrors, SetAsideEntry, TraceEntry, WeightEntry,
+};
+use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
+use crate::identify::{self, Fit, Variance};
+
+/// Signal-to-noise ratio of one tolerance below which a direction changes no pose that matters and is not written.
+const INVISIBLE: f64 = 1e-3;
+
+impl From<identify::Counts> for Counts {
+    fn from(counts: identify::Counts) -> Self {
+        let identify::Counts { structural, first_order, practical } = counts;
+        Self { structural, first_order, practical }
+    }
+}
+
+fn errors(fit: Option<Fit>, units: Units) -> PoseErrors {
+    let Some(fit) = fit else { return PoseErrors::default() };
+    PoseErrors {
+        position_rms: fit.position.map(|p| p.rms),
+        position_max: fit.position.map(|p| p.max),
+        rotation_rms: fit.rotation.map(|r| r.rms),
+        rotation_max: fit.rotation.map(|r| r.max),
+        distance_rms: fit.distance.map(|d| d.rms),
+        distance_max: fit.distance.map(|d| d.max),
+        plane_rms: fit.plane.map(|p| p.rms),
+        plane_max: fit.plane.map(|p| p.max),
+        joint_angle_rms: fit.joint_angle.map(|j| j.rms),
+        joint_angle_max: fit.joint_angle.map(|j| j.max),
+        joint_length_rms: fit.joint_length.map(|j| j.rms),
+        joint_length_max: fit.joint_length.map(|j| j.max),
+        weighted_rms: Some(fit.weighted_rms),
+    }
+    .in_units(units)
+}
+
+fn before_after(pair: (Option<Fit>, Option<Fit>), units: Units) -> Option<BeforeAfter> {
+    (pair.0.is_some() || pair.1.is_some())
+        .then(|| BeforeAfter { before: errors(pair.0, units), after: errors(pair.1, units) })
+}
+
+impl Summary<'_> {
+    /// The result file.
+    pub fn file(&self) -> ResultFile {
+        let (found, units) = (self.found, self.problem.units);
+        let report = &found.report;
+        let mechanism = redraw(&found.start, &found.geometry, units);
+        ResultFile {
+            format: RESULT_FORMAT.into(),
+            problem: self.problem.name.clone(),
+            solver: report.identifier.into(),
+            settings: self.identifier.settings().into_iter().map(|(k, v)| (k.to_owned(), v)).collect(),
+            converged: report.outcome.converged(),
+            reason: report.outcome.to_string(),
+            iterations: found.trace.len(),
+            units,
+            counts: found.counts().map(Counts::from).unwrap_or_default(),
+            fit: before_after(found.fit, units),
+            holdout: before_after(self.holdout, units),
+            chi_square: found.chi_square().map(|(value, degrees_of_freedom)| ChiSquare {
+                value,
+                degrees_of_freedom,
+                probability: self.test.map(|test| test.probability),
+                verdict: self.test.map(|test| test.sentence()),
+            }),
+            cross_validation: self.cross_validation.map(|cross| CrossValidationEntry {
+                folds: cross.folds,
+                refitted: cross.refitted,
+                errors: errors(Some(cross.fit), units),
+            }),
+            noise_estimate: self.noise.map(|noise| NoiseDrawing {
+                angle: noise.angle.map(|v| units.from_radians(v)),
+                length: noise.length.map(|v| units.from_metres(v)),
+                covariance: None,
+            }),
+            warnings: self.warnings(),
+            set_aside: found
+                .set_aside
+                .iter()
+                .map(|s| SetAsideEntry { sample: s.name.clone(), reason: s.reason.to_string() })
+                .collect(),
+            active_bounds: report
+                .active
+                .iter()
+                .map(|a| ActiveBoundEntry { name: a.name.clone(), limit: a.limit, multiplier: a.multiplier })
+                .collect(),
+            kkt: report.kkt,
+            weights: report
+                .weights
+                .iter()
+                .map(|w| WeightEntry { weight: w.weight, score: w.score })
+                .collect(),
+            singular_values: found.visibility.as_ref().map(|v| v.singular_values.clone()).unwrap_or_default(),
+            trace: found
+                .trace
+                .iter()
+                .map(|t| TraceEntry { cost: t.cost, step: t.step, kept: t.kept })
+                .collect(),
+            instrument: self.instrument(),
+            links: self.links(),
+            uncertainty: self.uncertainty(&mechanism),
+            mechanism,
+            versions: [("gough".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
+        }
+    }
+
+    fn links(&self) -> Vec<LinkResult> {
+        let mut links = Vec::new();
+        let std = self.found.standard_errors();
+        let shares: Option<Vec<f64>> =
+            self.found.variances.as_ref().map(|all| all.iter().map(Variance::prior_share).collect());
+        let names =
+            self.found.start.limbs.iter().flat_map(|limb| limb.links.iter().map(|l| (&limb.name, &l.name)));
+        for (k, (limb, link)) in names.enumerate() {
+            let six = |of: &[f64]| of.get(6 * k..6 * k + 6).and_then(|s| <[f64; 6]>::try_from(s).ok());
+            let Some(deviation) = six(&self.found.deviations) else { continue };
+            let std = std.as_deref().and_then(six);
+            links.push(LinkResult {
+                limb: limb.clone(),
+                link: link.clone(),
+                deviation: Deviation::of(&deviation, self.problem.units),
+                std: std.map(|std| Deviation::of(&std, self.problem.units)),
+                prior_share: shares
+                    .as_deref()
+                    .and_then(six)
+                    .map(|[a, b, c, x, y, z]| Deviation { rotation: [a, b, c], translation: [x, y, z] }),
+            });
+        }
+        links
+    }
+
+    /// The instrument's constants as identified.
+    pub(super) fn instrument(&self) -> Vec<ConstantResult> {
+        let (found, units) = (self.found, self.problem.units);
+        let drawn = self.problem.mechanism.instrument.iter().enumerate();
+        let first = found.start.link_component_count();
+        let errors = found.standard_errors();
+        let constants = drawn.zip(&found.geometry.instrument).map(|((k, constant), value)| {
+            let shown = |v: f64| from_quantity(units, constant.quantity, v);
+            ConstantResult {
+                name: constant.name(),
+                nominal: shown(constant.nominal),
+                value: shown(*value),
+                std: errors.as_ref().and_then(|std| std.get(first + k)).map(|v| shown(*v)),
+            }
+        });
+        constants.collect()
+    }
+
+    /// Square root of the links' covariance for the machine as it is drawn in the result, without directions that no
+    /// pose shows.
+    fn uncertainty(&self, drawing: &MechanismDrawing) -> Option<UncertaintyDrawing> {
+        let (found, units) = (self.found, self.problem.units);
+        let links = found.link_root()?;
+        let redrawn = drawing.read(units, &Place::file("result")).ok()?.mechanism;
+        let singular_values = &found.visibility.as_ref()?.singular_values;
+        let by_direction = singular_values.len() == links.prior_share.len();
+        let written =
+            (0..links.prior_share.len()).filter(|&k| !by_direction || singular_values[k] > INVISIBLE);
+        let (mut root, mut prior_share) = (Vec::new(), Vec::new());
+        for k in written {
+            let direction: Vec<f64> = links.root.col(k).iter().copied().collect();
+            if !direction.iter().all(|v| v.is_finite()) {
+                return None;
+            }
+            root.push(direction);
+            prior_share.push(links.prior_share[k]);
+        }
+        Some(UncertaintyDrawing::of(&found.geometry, &redrawn, &root, &prior_share, units))
+    }
+}

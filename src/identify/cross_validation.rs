@@ -1,0 +1,194 @@
+//! Prediction error of postures that took no part, each in turn (docs/theory.md (10.6)-(10.8)).
+
+use super::covariance::weight;
+use super::run::{Identification, IdentifyError, identify};
+use super::score::{Fit, score_each};
+use crate::calibration::{Calibration, Sample};
+use crate::linalg;
+use crate::model::Geometry;
+use crate::problem::{EvalError, Form, Problem};
+use crate::solve::{Estimate, Identifier, Stop};
+use faer::Mat;
+use faer::linalg::solvers::Solve;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+/// Eigenvalue of a fold's block of the influence matrix above which the other postures do not determine what the fold
+/// shows: the prior's weights would change, and the fold is refitted.
+const DEPENDENT: f64 = 0.9;
+
+/// How the samples are divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Folds {
+    /// One posture at a time.
+    LeaveOneOut,
+    /// So many parts of equal size, drawn by seed.
+    Parts {
+        /// Number of parts, at least 2.
+        count: usize,
+        /// Of the division.
+        seed: u64,
+    },
+}
+
+/// Errors of postures predicted without them.
+#[derive(Clone, Copy, Debug)]
+pub struct CrossValidation {
+    /// Number of folds.
+    pub folds: usize,
+    /// Folds whose machine was identified again; the others follow from the influence matrix.
+    pub refitted: usize,
+    /// Prediction errors over all left out postures.
+    pub fit: Fit,
+}
+
+impl Folds {
+    /// Indices of each fold, ascending.
+    pub fn divide(self, samples: usize) -> Vec<Vec<usize>> {
+        match self {
+            Folds::LeaveOneOut => (0..samples).map(|i| vec![i]).collect(),
+            Folds::Parts { count, seed } => {
+                let mut order: Vec<usize> = (0..samples).collect();
+                order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+                let count = count.min(samples).max(1);
+                let mut folds = vec![Vec::new(); count];
+                order.into_iter().enumerate().for_each(|(k, i)| folds[k % count].push(i));
+                folds.iter_mut().for_each(|fold| fold.sort_unstable());
+                folds
+            }
+        }
+    }
+}
+
+/// Cross-validates a finished identification: by the influence matrix where the estimate is linear about its solution,
+/// by identifying again elsewhere. `None` where nothing can be left out or no left out posture closes.
+pub fn cross_validate(
+    found: &Identification,
+    samples: &[Sample],
+    folds: Folds,
+    identifier: &dyn Identifier,
+    stop: &Stop,
+) -> Result<Option<CrossValidation>, IdentifyError> {
+    let apart: Vec<&str> = found.set_aside.iter().map(|s| s.name.as_str()).collect();
+    let taking: Vec<Sample> = samples.iter().filter(|s| !apart.contains(&s.name.as_str())).cloned().collect();
+    let folds = folds.divide(taking.len());
+    if folds.len() < 2 {
+        return Ok(None);
+    }
+    let linear = match found.report.estimate {
+        Estimate::Other | Estimate::Decoupled { .. } => None,
+        _ => Influence::new(found, &taking).ok(),
+    };
+    let each: Vec<Result<(Geometry, bool), IdentifyError>> = folds
+        .par_iter()
+        .map(|fold| match linear.as_ref().and_then(|influence| influence.without(fold)) {
+            Some(geometry) => Ok((geometry, false)),
+            None => Ok((refit(found, &taking, fold, identifier, stop)?, true)),
+        })
+        .collect();
+    let each = each.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mut pairs = Vec::with_capacity(taking.len());
+    for (fold, (geometry, _)) in folds.iter().zip(&each) {
+        pairs.extend(fold.iter().map(|&i| (geometry, &taking[i])));
+    }
+    let fit = score_each(&found.start, &pairs);
+    let refitted = each.iter().filter(|(_, refitted)| *refitted).count();
+    Ok(fit.map(|fit| CrossValidation { folds: folds.len(), refitted, fit }))
+}
+
+/// The machine identified from all samples but those of the fold.
+pub fn refit(
+    found: &Identification,
+    samples: &[Sample],
+    fold: &[usize],
+    identifier: &dyn Identifier,
+    stop: &Stop,
+) -> Result<Geometry, IdentifyError> {
+    let rest: Vec<Sample> =
+        samples.iter().enumerate().filter(|(i, _)| !fold.contains(i)).map(|(_, s)| s.clone()).collect();
+    // The same start and the same free ends: what is left out is the fold and nothing else.
+    Ok(identify(&found.start, &rest, identifier, stop)?.geometry)
+}
+
+/// Sum of squares and number of the whitened residuals of all samples but `fold`, by the machine that they would give
+/// (10.6); `None` where linear theory does not say it.
+pub(super) fn residual_without(
+    found: &Identification,
+    samples: &[Sample],
+    fold: &[usize],
+) -> Option<(f64, usize)> {
+    let geometry = Influence::new(found, samples).ok()?.without(fold)?;
+    let rest = samples.iter().enumerate().filter(|(i, _)| !fold.contains(i));
+    let pairs: Vec<(&Geometry, &Sample)> = rest.map(|(_, sample)| (&geometry, sample)).collect();
+    let rows: usize = pairs.iter().map(|(_, sample)| sample.measurement.rows()).sum();
+    let fit = score_each(&found.start, &pairs)?;
+    Some((fit.weighted_rms.powi(2) * rows as f64, rows))
+}
+
+/// What the estimate does where readings change.
+struct Influence<'a> {
+    found: &'a Identification,
+    problem: Calibration<'a>,
+    x: Vec<f64>,
+    /// `(J'J + W)^-1`, n x n.
+    inverse: Mat<f64>,
+}
+
+impl<'a> Influence<'a> {
+    fn new(found: &'a Identification, samples: &'a [Sample]) -> Result<Self, EvalError> {
+        let at = found.geometry.deviations_from(&found.start.nominal());
+        let problem = Calibration::new(&found.start, samples, Form::Minimal, &at);
+        if problem.sample_count() != samples.len() {
+            return Err(EvalError("not every posture closes".into()));
+        }
+        let x = problem.coordinates().nearest(&at);
+        let not_finite = || EvalError("the Jacobian is not finite".into());
+        let svd = linalg::svd(problem.compress(&x)?.jac.as_ref()).ok_or_else(not_finite)?;
+        let n = x.len();
+        let mut root = svd.v;
+        for k in 0..n {
+            let s = svd.s.get(k).copied().unwrap_or(0.0);
+            let w = weight(found.report.estimate, s).ok_or_else(not_finite)?;
+            let scale = 1.0 / (s * s + w).sqrt();
+            root.as_mut().col_mut(k).iter_mut().for_each(|v| *v *= scale);
+        }
+        let inverse = &root * root.transpose();
+        Ok(Self { found, problem, x, inverse })
+    }
+
+    /// The machine as the samples without those of `fold` would give it, the prior's weights unchanged; `None` where
+    /// these leave too much open for that.
+    fn without(&self, fold: &[usize]) -> Option<Geometry> {
+        let (mut jac, mut r) = (Vec::new(), Vec::new());
+        for &i in fold {
+            let one = self.problem.only(i..i + 1).linearize(&self.x).ok()?;
+            jac.push(one.jac);
+            r.extend(one.r);
+        }
+        let n = self.x.len();
+        let mut stacked = Mat::zeros(r.len(), n);
+        let mut first = 0;
+        for block in jac {
+            stacked.as_mut().subrows_mut(first, block.nrows()).copy_from(&block);
+            first += block.nrows();
+        }
+        // More rows than coordinates say no more than their factor does.
+        let fold = linalg::compress(&stacked, &r);
+        let gain = &self.inverse * fold.jac.transpose();
+        let own = &fold.jac * &gain;
+        let largest = linalg::singular_values(own.as_ref())?.first().copied().unwrap_or(0.0);
+        if largest > DEPENDENT {
+            return None;
+        }
+        let k = fold.r.len();
+        let rest = Mat::<f64>::identity(k, k) - own;
+        let rhs = Mat::from_fn(k, 1, |i, _| fold.r[i]);
+        let e = rest.partial_piv_lu().solve(&rhs);
+        let step = &gain * e;
+        let x: Vec<f64> = self.x.iter().zip(step.col(0).iter()).map(|(x, dx)| x + dx).collect();
+        let d = self.problem.coordinates().deviations(&x);
+        d.iter().all(|v| v.is_finite()).then(|| self.found.start.deviated(&d))
+    }
+}
