@@ -210,7 +210,7 @@ fn data() {
     );
     let nothing = json!({"position": [null, null, null], "rotation": [null, null, null]});
     refused("/data/samples/1/pose", nothing, &["data.samples[1].pose (sample 2)", "nothing was measured"]);
-    refused("/data/kind", json!("distance"), &["data.kind", "`distance`", "pose, position"]);
+    refused("/data/kind", json!("angle"), &["data.kind", "`angle`", "pose, position, distance"]);
     refused("/data/noise/angle", json!(0), &["data.noise.angle", "positive"]);
     refused("/data/noise/length", json!(-1), &["data.noise.length", "positive"]);
     refused("/data/noise/length", Value::Null, &["data.noise", "\"length\""]);
