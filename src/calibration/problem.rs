@@ -10,6 +10,7 @@ use crate::model::{Geometry, Mechanism, NotClosed, Posture};
 use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Postures that one thread takes at a time; fixed, so that results do not depend on how many threads there are.
 const CHUNK: usize = 128;
@@ -263,6 +264,17 @@ impl Problem for Calibration<'_> {
             by_x.extend(linalg::mul_transpose(transform.as_ref(), part));
         }
         Ok((0.5 * square, by_x))
+    }
+
+    /// One block a sample.
+    fn blocks(&self) -> Vec<Range<usize>> {
+        let mut next = 0;
+        let block = |start: &Start<'_>| {
+            let first = next;
+            next += start.sample.measurement.rows();
+            first..next
+        };
+        self.starts.iter().map(block).collect()
     }
 
     /// One part a limb, where every posture was measured as a whole pose.

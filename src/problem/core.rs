@@ -5,6 +5,7 @@
 
 use crate::linalg;
 use faer::Mat;
+use std::ops::Range;
 
 /// The coordinates and weights in which an identifier wants its problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -107,6 +108,12 @@ pub trait Problem: Sync {
     fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), EvalError> {
         let lin = self.linearize(x)?;
         Ok((cost(&lin.r), linalg::mul_transpose(lin.jac.as_ref(), &lin.r)))
+    }
+
+    /// Rows that were measured together and share what is wrong with them: those of one sample, in order, one range
+    /// each. Empty where every row stands for itself.
+    fn blocks(&self) -> Vec<Range<usize>> {
+        Vec::new()
     }
 
     /// Problems on disjoint coordinates whose solutions together solve this one to first order, where it falls apart

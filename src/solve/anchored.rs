@@ -6,6 +6,7 @@ use super::split::prior_weight;
 use crate::linalg;
 use crate::problem::{Compressed, EvalError, Group, Linearized, Param, Problem, cost};
 use faer::Mat;
+use std::ops::Range;
 
 /// `min |r(x)|^2 / 2 + |A'x|^2 / 2`, the columns of `A` the directions whose signal-to-noise ratio is low, times the
 /// root of [`prior_weight`]: without them flat valleys of a machine are followed for hundreds of steps that mean
@@ -78,6 +79,10 @@ impl Problem for Anchored<'_> {
         let (jac, r) = self.extend(&here.jac, here.r, x);
         let prior = cost(&linalg::mul(self.rows.as_ref(), x));
         Ok(Compressed { cost: here.cost + prior, ..linalg::compress(&jac, &r) })
+    }
+
+    fn blocks(&self) -> Vec<Range<usize>> {
+        self.inner.blocks()
     }
 
     fn redundant(&self, x: &[f64]) -> Mat<f64> {
