@@ -33,6 +33,11 @@ impl Limits {
         if reversed.is_empty() { Ok(Self { lower, upper, cone }) } else { Err(reversed) }
     }
 
+    /// Whether there are none.
+    pub fn none(&self) -> bool {
+        self.cone.is_infinite() && self.lower.iter().chain(&self.upper).all(|limit| limit.is_infinite())
+    }
+
     /// Writes the limits into the program.
     pub fn pose(&self, program: &mut Program, frame: &Frame, groups: &[Group]) {
         bounds::pose(program, frame, &self.lower, &self.upper);
