@@ -42,6 +42,13 @@ pub struct Group {
     pub members: Vec<usize>,
 }
 
+impl Group {
+    /// Euclidean length of the group's part of `x`.
+    pub fn length(&self, x: &[f64]) -> f64 {
+        self.members.iter().map(|&i| x[i] * x[i]).sum::<f64>().sqrt()
+    }
+}
+
 /// Residual and Jacobian at one point, computed in one pass.
 #[derive(Clone, Debug)]
 pub struct Linearized {

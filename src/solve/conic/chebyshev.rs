@@ -1,7 +1,6 @@
 //! The largest residual: the loss of tolerances that must hold everywhere.
 
-use super::here::{Here, Quadratic};
-use super::huber::complement;
+use super::here::{Here, Quadratic, complement};
 use super::loss::{Frame, Loss};
 use super::program::{Owner, Program, Solution};
 

@@ -62,7 +62,7 @@ impl Limits {
         let beyond = groups
             .iter()
             .filter(|_| self.cone < f64::INFINITY)
-            .map(|group| super::group_lasso::length(x, group) - self.cone);
+            .map(|group| group.length(x) - self.cone);
         outside.chain(beyond).fold(0.0, f64::max)
     }
 }

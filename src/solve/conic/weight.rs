@@ -1,7 +1,6 @@
 //! The weight of a penalty: given, or chosen on the linearised problem by what it predicts or leaves over.
 
-use super::here::Here;
-use super::huber::complement;
+use super::here::{Here, complement};
 use super::step::Model;
 use crate::problem::Problem;
 use crate::solve::report::WeightPoint;
