@@ -1,7 +1,7 @@
 //! The calibration problem: whitened pose errors by link deviations, loops closed.
 
 use super::coordinates::Coordinates;
-use super::limbwise::{LimbProblem, LimbStart};
+use super::limbwise::{LimbProblem, LimbStart, WholePose};
 use super::rows::RowWriter;
 use super::sample::{Sample, SetAside};
 use crate::linalg::{self, RowBlock, RowStream};
@@ -279,6 +279,8 @@ impl Problem for Calibration<'_> {
 
     /// One part a limb, where every posture was measured as a whole pose.
     fn parts(&self) -> Option<Vec<Part<'_>>> {
+        let poses: Option<Vec<WholePose>> = self.starts.iter().map(|s| WholePose::of(s.sample)).collect();
+        let poses = poses?;
         let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
         let (mut actuator, mut passive) = (0, 0);
         for (i, limb) in self.mechanism.limbs.iter().enumerate() {
@@ -288,8 +290,11 @@ impl Problem for Calibration<'_> {
             let starts: Option<Vec<LimbStart>> = self
                 .starts
                 .iter()
-                .map(|s| {
-                    LimbStart::new(s.sample, s.sample.actuators.get(a.clone())?, s.passive.get(p.clone())?)
+                .zip(&poses)
+                .map(|(s, pose)| {
+                    let (actuators, passive) =
+                        (s.sample.actuators.get(a.clone())?, s.passive.get(p.clone())?);
+                    Some(LimbStart { name: &s.sample.name, actuators, passive, pose: pose.clone() })
                 })
                 .collect();
             let own = &self.coordinates.limbs[i];

@@ -3,12 +3,14 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
+use super::ranges::out_of_range;
 use super::summary::{Summary, summary};
 use crate::calibration::Sample;
 use crate::files::{DataPlaces, Output, ProblemFile, json, read_problem};
-use crate::identify::{Fit, Identification, NoiseEstimate, identify, identify_without_noise, score};
+use crate::identify::score::{score, set_aside};
+use crate::identify::{Fit, Identification, NoiseEstimate, identify, identify_without_noise};
 use crate::model::mobility;
-use crate::solve::{Identifier, Stop, registry};
+use crate::solve::{Failure, Identifier, Outcome, Stop, registry};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -81,6 +83,13 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     });
     let (found, noise): (Identification, Option<NoiseEstimate>) =
         outcome.map_err(|why| CliError::Identify { file: problem.file.clone(), why })?;
+    if let Outcome::Failed(Failure::Infeasible(names)) = &found.report.outcome {
+        return Err(CliError::Usage(format!(
+            "{}: the limits contradict each other: no machine fits those of {}; widen or remove one",
+            problem.file,
+            names.join(", ")
+        )));
+    }
     if let (true, Some(first)) = (args.require_all, found.set_aside.first()) {
         return Err(CliError::SetAside {
             file: problem.file.clone(),
@@ -92,15 +101,20 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         holdout = noise.weigh(&holdout);
     }
     let held_out: (Option<Fit>, Option<Fit>) = (
-        score::score(&found.start, &found.start.nominal(), &holdout),
-        score::score(&found.start, &found.geometry, &holdout),
+        score(&found.start, &found.start.nominal(), &holdout),
+        score(&found.start, &found.geometry, &holdout),
     );
+    let holdout_set_aside = set_aside(&found.start, &found.geometry, &holdout);
     let report = Summary {
         problem: &problem,
+        shared: shared(&training, &holdout),
+        holdout_set_aside,
         found: &found,
         holdout: held_out,
-        held_out: holdout.len(),
-        out_of_range: out_of_range(&problem),
+        out_of_range: out_of_range(
+            &problem.mechanism,
+            problem.data.samples.iter().map(|sample| sample.actuators.as_slice()),
+        ),
         noise,
         identifier: identifier.as_ref(),
     };
@@ -123,33 +137,40 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     Ok(if found.report.outcome.converged() { Ending::Done } else { Ending::NotConverged })
 }
 
+/// Names of the training samples that are in the hold-out, too: the same readings and the same values measured.
+fn shared(training: &[Sample], holdout: &[Sample]) -> Vec<String> {
+    let same = |a: &Sample, b: &Sample| {
+        a.actuators == b.actuators
+            && a.measurement.pose() == b.measurement.pose()
+            && a.measurement.position() == b.measurement.position()
+    };
+    let both = training.iter().filter(|sample| holdout.iter().any(|held| same(sample, held)));
+    both.map(|sample| sample.name.clone()).collect()
+}
+
 /// Whether both paths lead to one existing file.
 fn same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Actuators whose readings leave the range that the drawing states by more than a tenth of it.
-fn out_of_range(problem: &ProblemFile) -> Vec<String> {
-    let joints = problem.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
-    let mut names = problem.mechanism.actuator_names();
-    let mut outside = Vec::new();
-    for (index, joint) in joints.enumerate() {
-        let Some((low, high)) = joint.range else { continue };
-        let slack = 0.1 * (high - low);
-        let leaves = |s: &Sample| {
-            let reading = s.actuators.get(index).map_or(joint.home, |variable| variable + joint.home);
-            reading < low - slack || reading > high + slack
-        };
-        if problem.data.samples.iter().any(leaves) {
-            outside.push(std::mem::take(&mut names[index]));
-        }
-    }
-    outside
-}
-
 /// The identifier named, with the settings given.
 fn configured(args: &Args) -> Result<Box<dyn Identifier>, CliError> {
     let mut identifier = registry::find(&args.solver)?;
+    let takes_bounds =
+        |identifier: &dyn Identifier| identifier.settings().iter().any(|(key, _)| *key == "bounds");
+    if args.bounds.is_some() && !takes_bounds(identifier.as_ref()) {
+        let all = registry::all();
+        let others: Vec<&str> = all.iter().filter(|i| takes_bounds(i.as_ref())).map(|i| i.name()).collect();
+        return Err(CliError::Usage(format!(
+            "--bounds: solver '{}' takes no bounds; these do: {}",
+            args.solver,
+            others.join(", ")
+        )));
+    }
+    let twice = |setting: &String| setting.split_once('=').is_some_and(|(key, _)| key.trim() == "bounds");
+    if args.bounds.is_some() && args.settings.iter().any(twice) {
+        return Err(CliError::Usage("both --bounds and --set bounds=...; give one of them".into()));
+    }
     let bounds = args.bounds.as_ref().map(|n| format!("bounds={n}"));
     for setting in args.settings.iter().chain(&bounds) {
         let (key, value) = setting

@@ -6,8 +6,11 @@ pub mod error;
 pub mod identify;
 pub mod predict;
 pub mod progress;
+pub mod ranges;
 pub mod simulate;
 pub mod solvers;
 pub mod summary;
+pub mod warnings;
+pub mod wording;
 
 pub use dispatch::run;

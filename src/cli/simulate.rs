@@ -30,7 +30,10 @@ pub struct Args {
     /// Factor on the tolerances from which the truth is drawn
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
     distance: f64,
-    /// Where to write the problem
+    /// Further folder in which data files are looked for
+    #[arg(long, value_name = "DIR")]
+    data_dir: Option<PathBuf>,
+    /// Where to write the problem, a JSON file
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
@@ -39,12 +42,18 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<Ending, CliError> {
     let output = Output::named(Some(&args.output));
     output.check()?;
+    if args.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+        return Err(CliError::Usage(format!(
+            "-o {}: a simulated problem holds machine, noise and truth, which a table cannot; name a .json file",
+            args.output.display()
+        )));
+    }
     for (name, value) in [("--noise", args.noise), ("--distance", args.distance)] {
         if !value.is_finite() || value < 0.0 {
             return Err(CliError::Usage(format!("{name} must be a number that is not negative")));
         }
     }
-    let problem = read_problem(&args.problem, &DataPlaces::from_environment(None))?;
+    let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
     problem.require_tolerances()?;
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;

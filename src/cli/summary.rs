@@ -1,5 +1,7 @@
 //! The report of one identification: the result file, and its summary for people.
 
+use super::wording::{counted, reason};
+use crate::calibration::SetAside;
 use crate::files::noise::NoiseDrawing;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
@@ -11,10 +13,8 @@ use crate::identify::{self, Fit, Identification, NoiseEstimate};
 use crate::model::Prior;
 use crate::solve::Identifier;
 
-/// Deviations shown.
-const SHOWN: usize = 5;
-/// Standard deviations of chi-square beyond which it is remarked on.
-const REMARKABLE: f64 = 3.0;
+/// Deviations shown, and postures and bounds of a kind.
+pub(super) const SHOWN: usize = 5;
 
 /// Everything that a report is made of.
 pub struct Summary<'a> {
@@ -24,8 +24,10 @@ pub struct Summary<'a> {
     pub found: &'a Identification,
     /// Prediction of the hold-out by nominal and result.
     pub holdout: (Option<Fit>, Option<Fit>),
-    /// Number of hold-out postures.
-    pub held_out: usize,
+    /// Hold-out postures that do not close with the result.
+    pub holdout_set_aside: Vec<SetAside>,
+    /// Samples that are in the hold-out as well as in the training.
+    pub shared: Vec<String>,
     /// Readings outside the ranges that the drawing states, by actuator.
     pub out_of_range: Vec<String>,
     /// Noise, where it was estimated.
@@ -53,6 +55,11 @@ fn errors(fit: Option<Fit>, units: Units) -> PoseErrors {
     .in_units(units)
 }
 
+fn entries(set_aside: &[SetAside], units: Units) -> Vec<SetAsideEntry> {
+    let entry = |s: &SetAside| SetAsideEntry { sample: s.name.clone(), reason: reason(&s.reason, units) };
+    set_aside.iter().map(entry).collect()
+}
+
 fn before_after(pair: (Option<Fit>, Option<Fit>), units: Units) -> Option<BeforeAfter> {
     (pair.0.is_some() || pair.1.is_some())
         .then(|| BeforeAfter { before: errors(pair.0, units), after: errors(pair.1, units) })
@@ -73,8 +80,8 @@ impl Summary<'_> {
             iterations: found.trace.len(),
             units,
             counts: found.counts().map(Counts::from).unwrap_or_default(),
-            fit: before_after(found.fit, units),
-            holdout: before_after(self.holdout, units),
+            fit: before_after(self.reached(found.fit), units),
+            holdout: before_after(self.reached(self.holdout), units),
             chi_square: found
                 .chi_square()
                 .map(|(value, degrees_of_freedom)| ChiSquare { value, degrees_of_freedom }),
@@ -84,11 +91,8 @@ impl Summary<'_> {
                 covariance: None,
             }),
             warnings: self.warnings(),
-            set_aside: found
-                .set_aside
-                .iter()
-                .map(|s| SetAsideEntry { sample: s.name.clone(), reason: s.reason.to_string() })
-                .collect(),
+            set_aside: entries(&found.set_aside, units),
+            holdout_set_aside: entries(&self.holdout_set_aside, units),
             active_bounds: report
                 .active
                 .iter()
@@ -110,6 +114,12 @@ impl Summary<'_> {
             mechanism: redraw(&found.start, &found.geometry, units),
             versions: [("gough".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
         }
+    }
+
+    /// Errors before and after; a run that failed at its start has no after.
+    fn reached(&self, pair: (Option<Fit>, Option<Fit>)) -> (Option<Fit>, Option<Fit>) {
+        let stayed = !self.found.report.outcome.converged() && self.found.trace.is_empty();
+        (pair.0, pair.1.filter(|_| !stayed))
     }
 
     fn links(&self) -> Vec<LinkResult> {
@@ -149,118 +159,14 @@ impl Summary<'_> {
     }
 
     /// The largest deviation in tolerances, and its link.
-    fn farthest(&self) -> Option<(f64, String)> {
+    pub(super) fn farthest(&self) -> Option<(f64, String)> {
         let all = self.components().into_iter().map(|(ratio, _, _, _, name)| (ratio.abs(), name));
         all.filter(|(ratio, _)| ratio.is_finite()).max_by(|a, b| a.0.total_cmp(&b.0))
     }
-
-    /// What deserves attention.
-    pub fn warnings(&self) -> Vec<String> {
-        let found = self.found;
-        let mut warnings = Vec::new();
-        if !found.report.outcome.converged() {
-            warnings.push(format!("not converged: {}", found.report.outcome));
-        }
-        if !found.set_aside.is_empty() {
-            let names: Vec<&str> = found.set_aside.iter().map(|s| s.name.as_str()).collect();
-            warnings.push(format!("{} postures took no part: {}", names.len(), names.join(", ")));
-        }
-        let left_out = |name: &str| found.set_aside.iter().any(|s| s.name == name);
-        let at_start = found.set_aside_at_start.iter().map(|s| s.name.as_str());
-        let taken_back: Vec<&str> = at_start.filter(|name| !left_out(name)).collect();
-        if !taken_back.is_empty() {
-            warnings.push(format!(
-                "{} postures that the nominal machine cannot reach were set aside at first and taken back: {}",
-                taken_back.len(),
-                taken_back.join(", ")
-            ));
-        }
-        let scored = self.holdout.1.map_or(0, |fit| fit.samples);
-        if scored < self.held_out {
-            warnings.push(format!(
-                "{} of {} hold-out postures do not close with the result and are not scored",
-                self.held_out - scored,
-                self.held_out
-            ));
-        }
-        if !self.out_of_range.is_empty() {
-            warnings.push(format!(
-                "readings outside the stated range of {}: are units, home and actuator order right?",
-                self.out_of_range.join(", ")
-            ));
-        }
-        if let Some((ratio, name)) = self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF) {
-            warnings.push(format!(
-                "{name} is {} tolerances off: if that cannot be, check units, home, directions of axes, actuator \
-                 order and how rotations are written",
-                digits(ratio)
-            ));
-        }
-        if !found.outliers.is_empty() {
-            let worst = found.outliers.iter().take(SHOWN);
-            let names: Vec<String> =
-                worst.map(|o| format!("{} ({} times the noise)", o.name, digits(o.weighted_rms))).collect();
-            warnings.push(format!("{} postures stand out: {}", found.outliers.len(), names.join(", ")));
-        }
-        let bounded = found.start.limbs.iter().flat_map(|limb| &limb.links).any(|link| link.bounds.is_some());
-        if bounded && !self.identifier.settings().iter().any(|(key, _)| *key == "bounds") {
-            warnings.push(format!(
-                "the problem states bounds, which {} does not take: use conic-bounded",
-                found.report.identifier
-            ));
-        }
-        for near in &found.near_singular {
-            warnings.push(format!(
-                "{} is nearly singular: the wrench matrix has singular values {:.2e} to {:.2e}",
-                near.name, near.singular_values[0], near.singular_values[5]
-            ));
-        }
-        if !found.other_mode.is_empty() {
-            warnings.push(format!(
-                "{} postures were measured in another assembly mode than that of home, which predictions follow: {}",
-                found.other_mode.len(),
-                found.other_mode.join(", ")
-            ));
-        }
-        if let Some(counts) = found.counts()
-            && found.rows < counts.structural
-        {
-            warnings.push(format!(
-                "{} readings for {} parameters: what they do not determine stays at nominal; \
-                 measure at least {} more",
-                found.rows,
-                counts.structural,
-                counts.structural - found.rows
-            ));
-        }
-        if let (None, Some((value, freedom))) = (self.noise, found.chi_square())
-            && found.report.outcome.converged()
-            && freedom > 0.0
-            && (value - freedom).abs() > REMARKABLE * (2.0 * freedom).sqrt()
-        {
-            let ratio = (value / freedom).sqrt();
-            let why = if ratio > 1.0 {
-                "noise understated, outliers, or errors that the model does not have"
-            } else {
-                "noise overstated"
-            };
-            warnings.push(format!("residuals are {} times the stated noise: {why}", digits(ratio)));
-        }
-        for bound in &found.report.active {
-            warnings.push(format!(
-                "{} is at its bound of {:.3} tolerances (multiplier {:.3e})",
-                bound.name, bound.limit, bound.multiplier
-            ));
-        }
-        warnings
-    }
 }
 
-/// Tolerances beyond which a deviation is remarked on.
-const FAR_OFF: f64 = 10.0;
-
 /// Four significant digits.
-fn digits(value: f64) -> String {
+pub(super) fn digits(value: f64) -> String {
     if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
         return format!("{value:.3e}");
     }
@@ -276,15 +182,15 @@ pub fn summary(of: &Summary<'_>) -> String {
     let (r, p) = mechanism.joint_counts();
     let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
     let mut text = format!(
-        "{}: {} limbs, {r} angular and {p} prismatic joints, {} actuated\n{} postures, {} readings; {}: {} after {} iterations\n\n",
+        "{}: {}, {r} angular and {p} prismatic joints, {} actuated\n{}, {} readings; {}: {} ({})\n\n",
         problem.name,
-        mechanism.limbs.len(),
+        counted(mechanism.limbs.len(), "limb"),
         mechanism.actuator_count(),
-        taking_part,
+        counted(taking_part, "posture"),
         found.rows,
         found.report.identifier,
         found.report.outcome,
-        found.trace.len(),
+        counted(found.trace.len(), "iteration"),
     );
     if let Some(counts) = found.counts() {
         let nominal = found.nominal.as_ref().map_or(counts, |v| v.counts);
@@ -317,27 +223,35 @@ pub fn summary(of: &Summary<'_>) -> String {
     let metres = |v: Option<f64>| v.map_or("-".into(), |v| digits(problem.units.from_metres(v)));
     let radians = |v: Option<f64>| v.map_or("-".into(), |v| digits(problem.units.from_radians(v)));
     let (before, after) = ("before", "after");
-    for (name, when, fit) in [
-        ("training", before, found.fit.0),
-        ("", after, found.fit.1),
-        ("hold-out", before, of.holdout.0),
-        ("", after, of.holdout.1),
-    ] {
-        let Some(fit) = fit else { continue };
-        text.push_str(&format!(
-            "{:10} {:9} {:>12} {:>12} {:>12} {:>12} {:>9}\n",
-            name,
-            when,
-            metres(fit.position.map(|p| p.rms)),
-            metres(fit.position.map(|p| p.max)),
-            radians(fit.rotation.map(|r| r.rms)),
-            radians(fit.rotation.map(|r| r.max)),
-            digits(fit.weighted_rms),
-        ));
+    let none = |text: &mut String, when| {
+        text.push_str(&format!("{0:10} {when:9}{1:>13}{1:>13}{1:>13}{1:>13}{1:>10}\n", "", "-"));
+    };
+    for (name, pair) in [("training", of.reached(found.fit)), ("hold-out", of.reached(of.holdout))] {
+        for (name, when, fit) in [(name, before, pair.0), ("", after, pair.1)] {
+            let Some(fit) = fit else {
+                if pair.0.or(pair.1).is_some() {
+                    none(&mut text, when);
+                }
+                continue;
+            };
+            text.push_str(&format!(
+                "{:10} {:9} {:>12} {:>12} {:>12} {:>12} {:>9}\n",
+                name,
+                when,
+                metres(fit.position.map(|p| p.rms)),
+                metres(fit.position.map(|p| p.max)),
+                radians(fit.rotation.map(|r| r.rms)),
+                radians(fit.rotation.map(|r| r.max)),
+                digits(fit.weighted_rms),
+            ));
+        }
     }
     text.push_str(&largest(of));
     text
 }
+
+/// Relative difference up to which two deviations of a limb are the same.
+const SAME: f64 = 1e-6;
 
 /// The largest deviations in tolerances, with their standard errors.
 fn largest(of: &Summary<'_>) -> String {
@@ -349,7 +263,21 @@ fn largest(of: &Summary<'_>) -> String {
         return "\n".into();
     }
     let mut text = "\nlargest deviations, each link in the frame of the joint that it carries\n".to_owned();
-    for (ratio, d, index, i, name) in components.into_iter().take(SHOWN) {
+    let mut shown_sizes: Vec<(f64, &str)> = Vec::new();
+    let mut distinct = Vec::new();
+    for component in &components {
+        // What neighbouring links share by redundancy is one finding, not two.
+        let limb = component.4.split('.').next().unwrap_or_default();
+        let twin = |(size, of): &(f64, &str)| *of == limb && (component.1.abs() - size).abs() <= SAME * size;
+        if !shown_sizes.iter().any(twin) {
+            shown_sizes.push((component.1.abs(), limb));
+            distinct.push(component);
+        }
+        if distinct.len() == SHOWN {
+            break;
+        }
+    }
+    for &(ratio, d, index, i, ref name) in distinct {
         let (kind, symbol) = match i {
             0..3 => ("rotation", units.angle_symbol()),
             _ => ("translation", units.length_symbol()),

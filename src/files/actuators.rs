@@ -23,10 +23,16 @@ pub struct ActuatorRow {
     pub variables: Vec<f64>,
 }
 
+/// `samples` by itself, or the `data` of a problem file.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct ActuatorFile {
-    samples: Vec<Readings>,
+    samples: Option<Vec<Readings>>,
+    data: Option<ProblemData>,
+}
+
+#[derive(Deserialize)]
+struct ProblemData {
+    samples: Option<Vec<Readings>>,
 }
 
 /// Other keys are left aside, so that measured samples and predicted poses can be read too.
@@ -60,12 +66,16 @@ fn is_json(path: &Path, bytes: &[u8]) -> bool {
 fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
     let content: ActuatorFile = json::parse(file, bytes)?;
     let whole = Place::file(file);
-    let list = whole.key("samples");
-    if content.samples.is_empty() {
+    let data = whole.key("data");
+    let (list, samples) = match (content.samples, content.data) {
+        (None, Some(stated)) => (data.key("samples"), stated.samples.unwrap_or_default()),
+        (samples, _) => (whole.key("samples"), samples.unwrap_or_default()),
+    };
+    if samples.is_empty() {
         return Err(list.error(Fault::NoRows(String::new())));
     }
-    let mut rows = Vec::with_capacity(content.samples.len());
-    for (i, sample) in content.samples.into_iter().enumerate() {
+    let mut rows = Vec::with_capacity(samples.len());
+    for (i, sample) in samples.into_iter().enumerate() {
         let name = format!("sample {}", i + 1);
         let entry = list.index(i);
         let here = entry.named(&name);

@@ -28,6 +28,25 @@ pub struct ColumnsDrawing {
     pub quaternion: Option<[String; 4]>,
 }
 
+impl ColumnsDrawing {
+    /// Refuses a column that is to hold two values.
+    fn check_distinct(&self, at: &Place<'_>) -> Result<(), FileError> {
+        let mut named: Vec<&String> = self
+            .actuators
+            .iter()
+            .flatten()
+            .chain(self.position.iter().flatten())
+            .chain(self.rotation.iter().flatten())
+            .chain(self.quaternion.iter().flatten())
+            .collect();
+        named.sort_unstable();
+        match named.windows(2).find(|pair| pair.first() == pair.last()).and_then(<[_]>::first) {
+            Some(twice) => Err(at.error(Fault::ColumnTwice(quoted(twice)))),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Where in a row everything stands.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
@@ -138,11 +157,15 @@ impl Layout {
             return Err(at.error(Fault::TwoColumns(quoted(name))));
         }
         let header = Header { names, at };
+        if let Some(columns) = request.columns {
+            columns.check_distinct(at)?;
+        }
         let mut layout = Layout { actuators: header.actuators(request)?, ..Layout::default() };
         for (name, text) in request.filter.into_iter().flatten() {
             layout.filter.push((header.need(name)?, text.clone()));
         }
-        if request.columns.is_none() {
+        // Where only readings are wanted, other columns do no harm.
+        if request.columns.is_none() && request.poses != PoseColumns::Ignored {
             header.check_known(&layout)?;
         }
         if request.poses == PoseColumns::Ignored {

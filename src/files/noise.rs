@@ -64,8 +64,12 @@ pub(super) fn read_noise(
             let missing = |key| here.error(Fault::NoiseMissing { kind: kind.name(), key });
             let length = length.ok_or_else(|| missing("length"))?;
             let length = units.length(positive(length, &here.key("length"))?, &here.key("length"))?;
+            let length = large_enough(length, "m", &here.key("length"))?;
             let angle = match (angle, kind) {
-                (Some(angle), _) => units.angle(positive(*angle, &here.key("angle"))?, &here.key("angle"))?,
+                (Some(angle), _) => {
+                    let at = here.key("angle");
+                    large_enough(units.angle(positive(*angle, &at)?, &at)?, "rad", &at)?
+                }
                 // No rotation is measured, so that its noise has no part in anything.
                 (None, Kind::Position) => 1.0,
                 (None, Kind::Pose) => return Err(missing("angle")),
@@ -73,6 +77,13 @@ pub(super) fn read_noise(
             Ok(Some(isotropic(angle, length)))
         }
     }
+}
+
+/// Smallest standard deviation, rad or m: below the rounding of a pose of 1 m.
+const LEAST: f64 = 1e-18;
+
+fn large_enough(value: f64, unit: &'static str, at: &Place<'_>) -> Result<f64, FileError> {
+    if value >= LEAST { Ok(value) } else { Err(at.error(Fault::SmallNoise { value, least: LEAST, unit })) }
 }
 
 fn positive(sigma: f64, at: &Place<'_>) -> Result<f64, FileError> {

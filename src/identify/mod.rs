@@ -1,5 +1,6 @@
 //! From measurements to a calibrated machine: registration, identification, scores and counts.
 
+pub mod common_axis;
 pub mod counts;
 pub mod noise;
 pub mod registration;

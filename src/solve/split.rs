@@ -111,8 +111,7 @@ impl Model {
     /// The step at another point `x`, where the gradient of the cost is `gradient`: the exact gradient with the
     /// curvature of the point where the model was made (semi-normal equations).
     pub fn stale_step(&self, x: &[f64], gradient: &[f64], damping: f64) -> Option<Vec<f64>> {
-        let mut z: Vec<f64> =
-            gradient.iter().zip(self.split.pull(x)).map(|(g, pull)| -(g + pull)).collect();
+        let mut z: Vec<f64> = gradient.iter().zip(self.split.pull(x)).map(|(g, pull)| -(g + pull)).collect();
         let damped = (damping > 0.0).then(|| self.damped(damping));
         let factor = damped.as_ref().unwrap_or(&self.factor);
         linalg::solve_upper_transpose(factor, &mut z)?;

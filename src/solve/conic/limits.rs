@@ -59,10 +59,8 @@ impl Limits {
             .iter()
             .zip(self.lower.iter().zip(&self.upper))
             .map(|(x, (lower, upper))| (lower - x).max(x - upper).max(0.0));
-        let beyond = groups
-            .iter()
-            .filter(|_| self.cone < f64::INFINITY)
-            .map(|group| group.length(x) - self.cone);
+        let beyond =
+            groups.iter().filter(|_| self.cone < f64::INFINITY).map(|group| group.length(x) - self.cone);
         outside.chain(beyond).fold(0.0, f64::max)
     }
 }

@@ -86,12 +86,7 @@ fn folds(blocks: &[Range<usize>], rows: usize) -> Result<Vec<Vec<usize>>, String
 }
 
 /// Cost of rows that took no part in the fit, twice, so that it is a sum of squares for least squares.
-fn left_out(
-    model: &Model,
-    rows: &Here,
-    folds: &[Vec<usize>],
-    near: &mut [Vec<f64>],
-) -> Result<f64, String> {
+fn left_out(model: &Model, rows: &Here, folds: &[Vec<usize>], near: &mut [Vec<f64>]) -> Result<f64, String> {
     let of_fold = |(held, near): (&Vec<usize>, &mut Vec<f64>)| {
         *near = fit(model, rows, &complement(held, rows.r.len()), near)?;
         let predicted = rows.predict(near);

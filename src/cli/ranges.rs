@@ -1,0 +1,25 @@
+//! Readings against the ranges that the drawing states.
+
+use crate::model::Mechanism;
+
+/// Actuators whose variables, over all `postures` (reading - home, rad or m), leave the range that the drawing states
+/// by more than a tenth of it.
+pub fn out_of_range<'a>(
+    mechanism: &Mechanism,
+    postures: impl Iterator<Item = &'a [f64]> + Clone,
+) -> Vec<String> {
+    let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
+    let mut outside = Vec::new();
+    for (index, (joint, name)) in joints.zip(mechanism.actuator_names()).enumerate() {
+        let Some((low, high)) = joint.range else { continue };
+        let slack = 0.1 * (high - low);
+        let leaves = |variables: &[f64]| {
+            let reading = variables.get(index).map_or(joint.home, |variable| variable + joint.home);
+            reading < low - slack || reading > high + slack
+        };
+        if postures.clone().any(leaves) {
+            outside.push(name);
+        }
+    }
+    outside
+}

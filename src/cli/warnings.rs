@@ -1,0 +1,139 @@
+//! What deserves attention after an identification, in words.
+
+use super::summary::{SHOWN, Summary, digits};
+use super::wording::{counted, listed};
+use crate::identify::run::NearSingular;
+use crate::solve::ActiveBound;
+
+/// Standard deviations of chi-square beyond which it is remarked on.
+const REMARKABLE: f64 = 3.0;
+/// Tolerances beyond which a deviation is remarked on.
+const FAR_OFF: f64 = 10.0;
+
+impl Summary<'_> {
+    /// What deserves attention.
+    pub fn warnings(&self) -> Vec<String> {
+        let found = self.found;
+        let mut warnings = Vec::new();
+        if !found.report.outcome.converged() {
+            warnings.push(format!("not converged: {}", found.report.outcome));
+        }
+        if !found.set_aside.is_empty() {
+            let names: Vec<&str> = found.set_aside.iter().map(|s| s.name.as_str()).collect();
+            let postures = counted(names.len(), "posture");
+            warnings.push(format!("{postures} took no part: {}", names.join(", ")));
+        }
+        let left_out = |name: &str| found.set_aside.iter().any(|s| s.name == name);
+        let at_start = found.set_aside_at_start.iter().map(|s| s.name.as_str());
+        let taken_back: Vec<&str> = at_start.filter(|name| !left_out(name)).collect();
+        if !taken_back.is_empty() {
+            warnings.push(format!(
+                "{} that the nominal machine cannot reach {} set aside at first and taken back: {}",
+                counted(taken_back.len(), "posture"),
+                if taken_back.len() == 1 { "was" } else { "were" },
+                taken_back.join(", ")
+            ));
+        }
+        if !self.holdout_set_aside.is_empty() {
+            let names: Vec<&str> = self.holdout_set_aside.iter().map(|s| s.name.as_str()).collect();
+            warnings.push(format!(
+                "hold-out: {} not scored, whose loops do not close with the result: {}",
+                counted(names.len(), "posture"),
+                listed(&names)
+            ));
+        }
+        if !self.shared.is_empty() {
+            warnings.push(format!(
+                "{} of the training stand in the hold-out, too, which then proves nothing of them: {}",
+                counted(self.shared.len(), "sample"),
+                listed(&self.shared)
+            ));
+        }
+        if !self.out_of_range.is_empty() {
+            warnings.push(format!(
+                "readings outside the stated range of {}: are units, home and actuator order right?",
+                self.out_of_range.join(", ")
+            ));
+        }
+        if let Some((ratio, name)) = self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF) {
+            warnings.push(format!(
+                "{name} is {} tolerances off: if that cannot be, check units, home, directions of axes, actuator \
+                 order and how rotations are written",
+                digits(ratio)
+            ));
+        }
+        if !found.outliers.is_empty() {
+            let worst = found.outliers.iter().take(SHOWN);
+            let names: Vec<String> =
+                worst.map(|o| format!("{} ({} times the noise)", o.name, digits(o.weighted_rms))).collect();
+            let (postures, verb) = (counted(names.len().max(found.outliers.len()), "posture"), "stand out");
+            warnings.push(format!("{postures} {verb}: {}", names.join(", ")));
+        }
+        let bounded = found.start.limbs.iter().flat_map(|limb| &limb.links).any(|link| link.bounds.is_some());
+        if bounded && !self.identifier.settings().iter().any(|(key, _)| *key == "bounds") {
+            warnings.push(format!(
+                "the problem states bounds, which {} does not take: use conic-bounded",
+                found.report.identifier
+            ));
+        }
+        let regularity = |near: &NearSingular| near.singular_values[5] / near.singular_values[0];
+        let mut near: Vec<&NearSingular> = found.near_singular.iter().collect();
+        near.sort_by(|a, b| regularity(a).total_cmp(&regularity(b)));
+        if !near.is_empty() {
+            let worst = near.iter().take(SHOWN);
+            let names: Vec<String> = worst
+                .map(|n| format!("{} ({:.2e} to {:.2e})", n.name, n.singular_values[0], n.singular_values[5]))
+                .collect();
+            let what = if near.len() > 1 { "nearly singular, the worst" } else { "nearly singular" };
+            warnings.push(format!(
+                "{} {what} by the singular values of the wrench matrix: {}",
+                counted(near.len(), "posture"),
+                names.join(", ")
+            ));
+        }
+        if !found.other_mode.is_empty() {
+            warnings.push(format!(
+                "{} measured in another assembly mode than that of home, which predictions follow: {}",
+                counted(found.other_mode.len(), "posture"),
+                found.other_mode.join(", ")
+            ));
+        }
+        if let Some(counts) = found.counts()
+            && found.rows < counts.structural
+        {
+            warnings.push(format!(
+                "{} readings for {} parameters: what they do not determine stays at nominal; \
+                 measure at least {} more",
+                found.rows,
+                counts.structural,
+                counts.structural - found.rows
+            ));
+        }
+        if let (None, Some((value, freedom))) = (self.noise, found.chi_square())
+            && found.report.outcome.converged()
+            && freedom > 0.0
+            && (value - freedom).abs() > REMARKABLE * (2.0 * freedom).sqrt()
+        {
+            let ratio = (value / freedom).sqrt();
+            let why = if ratio > 1.0 {
+                "noise understated, outliers, or errors that the model does not have"
+            } else {
+                "noise overstated"
+            };
+            warnings.push(format!("residuals are {} times the stated noise: {why}", digits(ratio)));
+        }
+        let mut active: Vec<&ActiveBound> = found.report.active.iter().collect();
+        active.sort_by(|a, b| b.multiplier.total_cmp(&a.multiplier).then_with(|| a.name.cmp(&b.name)));
+        for bound in active.iter().take(SHOWN) {
+            warnings.push(format!(
+                "{} is at its bound of {:.3} tolerances (multiplier {:.3e})",
+                bound.name, bound.limit, bound.multiplier
+            ));
+        }
+        if active.len() > SHOWN {
+            let more = counted(active.len() - SHOWN, "further component");
+            warnings.push(format!("{more} at their bounds, with smaller multipliers: see active_bounds"));
+        }
+        warnings
+    }
+}
