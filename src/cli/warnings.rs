@@ -3,7 +3,7 @@
 use super::summary::{SHOWN, Summary, digits};
 use super::wording::{counted, listed};
 use crate::identify::run::NearSingular;
-use crate::solve::ActiveBound;
+use crate::solve::{ActiveBound, Outcome};
 
 /// Standard deviations of chi-square beyond which it is remarked on.
 const REMARKABLE: f64 = 3.0;
@@ -16,7 +16,14 @@ impl Summary<'_> {
         let found = self.found;
         let mut warnings = Vec::new();
         if !found.report.outcome.converged() {
-            warnings.push(format!("not converged: {}", found.report.outcome));
+            let hint = match found.report.outcome {
+                Outcome::OutOfIterations => {
+                    "; tolerances far looser than the machine, or \"free\" links limb by limb, leave valleys that \
+                     take many steps: state what is known"
+                }
+                _ => "",
+            };
+            warnings.push(format!("not converged: {}{hint}", found.report.outcome));
         }
         if !found.set_aside.is_empty() {
             let names: Vec<&str> = found.set_aside.iter().map(|s| s.name.as_str()).collect();

@@ -10,6 +10,7 @@ use super::problem::Model;
 use super::readings::variables;
 use super::table::{self, PoseColumns, TableRequest};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use std::path::Path;
 
 /// Readings of one posture.
@@ -23,11 +24,24 @@ pub struct ActuatorRow {
     pub variables: Vec<f64>,
 }
 
-/// `samples` by itself, or the `data` of a problem file.
+/// `samples` by itself, or a problem file with samples in its `data`; the rest of that is left aside.
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct ActuatorFile {
     samples: Option<Vec<Readings>>,
     data: Option<ProblemData>,
+    #[serde(rename = "format")]
+    _format: Option<IgnoredAny>,
+    #[serde(rename = "name")]
+    _name: Option<IgnoredAny>,
+    #[serde(rename = "description")]
+    _description: Option<IgnoredAny>,
+    #[serde(rename = "units")]
+    _units: Option<IgnoredAny>,
+    #[serde(rename = "mechanism")]
+    _mechanism: Option<IgnoredAny>,
+    #[serde(rename = "truth")]
+    _truth: Option<IgnoredAny>,
 }
 
 #[derive(Deserialize)]
