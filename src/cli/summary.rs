@@ -116,9 +116,9 @@ impl Summary<'_> {
         }
     }
 
-    /// Errors before and after; a run that failed at its start has no after.
+    /// Errors before and after; a run that failed and stayed where it began has no after.
     fn reached(&self, pair: (Option<Fit>, Option<Fit>)) -> (Option<Fit>, Option<Fit>) {
-        let stayed = !self.found.report.outcome.converged() && self.found.trace.is_empty();
+        let stayed = !self.found.report.outcome.converged() && self.found.fit.0 == self.found.fit.1;
         (pair.0, pair.1.filter(|_| !stayed))
     }
 

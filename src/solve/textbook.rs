@@ -1,4 +1,4 @@
-//! The iteration (31)-(33) of Chen et al. 2017 to the letter: a reference, not a recommendation.
+//! The iteration (31)-(33) of Chen et al. 2017 without any safeguard: a reference, not a recommendation.
 
 use super::identifier::{Identifier, Stop};
 use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
