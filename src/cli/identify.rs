@@ -3,7 +3,7 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
-use super::ranges::out_of_range;
+use super::ranges::{out_of_range, warn_of_home};
 use super::summary::{Summary, summary};
 use crate::calibration::Sample;
 use crate::files::{DataPlaces, Output, ProblemFile, json, read_problem};
@@ -14,6 +14,7 @@ use crate::solve::{Failure, Identifier, Outcome, Stop, registry};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
+use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 /// Arguments.
@@ -62,6 +63,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
     problem.require_tolerances()?;
     problem.require_samples()?;
+    warn_of_home(&problem.mechanism);
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     let own = problem.data.measured.iter().filter(|measured| measured.noise.is_some()).count();
@@ -107,6 +109,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let holdout_set_aside = set_aside(&found.start, &found.geometry, &holdout);
     let report = Summary {
         problem: &problem,
+        repeated: repeated(&training),
         shared: shared(&training, &holdout),
         holdout_set_aside,
         found: &found,
@@ -146,6 +149,14 @@ fn shared(training: &[Sample], holdout: &[Sample]) -> Vec<String> {
     };
     let both = training.iter().filter(|sample| holdout.iter().any(|held| same(sample, held)));
     both.map(|sample| sample.name.clone()).collect()
+}
+
+/// Number of samples whose readings are those of an earlier one.
+fn repeated(samples: &[Sample]) -> usize {
+    let mut readings: Vec<&Vec<f64>> = samples.iter().map(|sample| &sample.actuators).collect();
+    readings.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+    readings.dedup();
+    samples.len() - readings.len()
 }
 
 /// Whether both paths lead to one existing file.

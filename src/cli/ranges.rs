@@ -1,6 +1,20 @@
 //! Readings against the ranges that the drawing states.
 
-use crate::model::Mechanism;
+use super::wording::listed;
+use crate::model::{Joint, Mechanism};
+
+/// Says on standard error which actuators stand outside their own range at home.
+pub fn warn_of_home(mechanism: &Mechanism) {
+    let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
+    let outside =
+        |joint: &&Joint| joint.range.is_some_and(|(low, high)| joint.home < low || joint.home > high);
+    let named = joints.zip(mechanism.actuator_names()).filter(|(joint, _)| outside(joint));
+    let names: Vec<String> = named.map(|(_, name)| name).collect();
+    if !names.is_empty() {
+        let names = listed(&names);
+        eprintln!("warning: home lies outside the range of {names}: both are readings; is home stated?");
+    }
+}
 
 /// Actuators whose variables, over all `postures` (reading - home, rad or m), leave the range that the drawing states
 /// by more than a tenth of it.

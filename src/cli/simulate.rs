@@ -2,6 +2,7 @@
 
 use super::dispatch::Ending;
 use super::error::CliError;
+use super::ranges::warn_of_home;
 use crate::files::{
     DataDrawing, DataPlaces, Kind, Output, ProblemFile, SampleDrawing, json, noise::NoiseDrawing,
     read_problem, redraw,
@@ -55,6 +56,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     }
     let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
     problem.require_tolerances()?;
+    warn_of_home(&problem.mechanism);
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     let covariance = problem.data.noise.ok_or_else(|| {

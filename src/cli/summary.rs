@@ -26,6 +26,8 @@ pub struct Summary<'a> {
     pub holdout: (Option<Fit>, Option<Fit>),
     /// Hold-out postures that do not close with the result.
     pub holdout_set_aside: Vec<SetAside>,
+    /// Number of samples whose readings repeat an earlier one's.
+    pub repeated: usize,
     /// Samples that are in the hold-out as well as in the training.
     pub shared: Vec<String>,
     /// Readings outside the ranges that the drawing states, by actuator.

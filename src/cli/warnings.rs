@@ -15,6 +15,7 @@ impl Summary<'_> {
     pub fn warnings(&self) -> Vec<String> {
         let found = self.found;
         let mut warnings = Vec::new();
+        let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
         if !found.report.outcome.converged() {
             let hint = match found.report.outcome {
                 Outcome::OutOfIterations => {
@@ -47,6 +48,13 @@ impl Summary<'_> {
                 "hold-out: {} not scored, whose loops do not close with the result: {}",
                 counted(names.len(), "posture"),
                 listed(&names)
+            ));
+        }
+        if 2 * self.repeated > taking_part {
+            warnings.push(format!(
+                "{} of {} repeat the readings of another: they tell of the noise, not of the machine; measure other postures",
+                self.repeated,
+                counted(taking_part, "posture"),
             ));
         }
         if !self.shared.is_empty() {

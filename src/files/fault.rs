@@ -26,7 +26,7 @@ pub enum Fault {
     #[error("{0} is negative; give a standard deviation, 0 to hold the link, or \"free\"")]
     NegativeTolerance(f64),
     #[error(
-        "{value} {unit} is too small for a tolerance; give at least {least} {unit}, or 0 to hold the link"
+        "{value:e} {unit} is too small for a tolerance; give at least {least:e} {unit}, or 0 to hold the link"
     )]
     SmallTolerance { value: f64, least: f64, unit: &'static str },
     #[error("{0} is negative; give the largest size that a component may have")]
@@ -78,6 +78,8 @@ pub enum Fault {
          \"kind\": \"position\" in data where it never was"
     )]
     NoRotation,
+    #[error("no rotation; a drawn pose needs \"rotation\" or \"quaternion\"")]
+    NoDrawnRotation,
     #[error("both rotation and quaternion given; remove one")]
     TwoRotations,
     #[error("a component is missing; this pose needs all of them")]
@@ -95,7 +97,7 @@ pub enum Fault {
     ActuatorCount { found: usize, wanted: usize, names: String },
     #[error("{0} is no noise; give a positive standard deviation")]
     Noise(f64),
-    #[error("{value} {unit} is too small for a noise; give at least {least} {unit}")]
+    #[error("{value:e} {unit} is too small for a noise; give at least {least:e} {unit}")]
     SmallNoise { value: f64, least: f64, unit: &'static str },
     #[error("noise of a measured {kind} needs \"{key}\", a positive standard deviation")]
     NoiseMissing { kind: &'static str, key: &'static str },
