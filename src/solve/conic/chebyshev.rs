@@ -13,7 +13,7 @@ const EXCESS: f64 = 1e-7;
 
 /// Row and sign of a side: the even ones are the residuals, the odd ones their opposites.
 fn side(index: usize) -> (usize, f64) {
-    (index / 2, if index % 2 == 0 { 1.0 } else { -1.0 })
+    (index / 2, if index.is_multiple_of(2) { 1.0 } else { -1.0 })
 }
 
 /// Value of a side.

@@ -233,10 +233,10 @@ fn flatten_along(model: &Model, u: &[f64], bent: &[usize], mut rows: MatMut<'_, 
 /// Holds what the step carried across a limit or a group through zero; whether anything was.
 fn hold(model: &Model, set: &mut ActiveSet, before: &[f64], u: &mut [f64]) -> bool {
     let mut grown = false;
-    for i in 0..u.len() {
+    for (i, u) in u.iter_mut().enumerate() {
         let (lower, upper) = (model.limits.lower[i], model.limits.upper[i]);
-        if u[i] > upper || u[i] < lower {
-            u[i] = u[i].max(lower).min(upper);
+        if *u > upper || *u < lower {
+            *u = u.max(lower).min(upper);
             grown |= !set.held[i];
             set.held[i] = true;
         }

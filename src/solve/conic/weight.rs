@@ -134,6 +134,7 @@ mod tests {
     #[test]
     fn rows_without_blocks_stand_alone_and_one_sample_is_too_few() {
         assert_eq!(folds(&[], 3).expect("three rows"), [[0], [1], [2]]);
-        assert!(folds(&[0..6], 6).is_err());
+        let one: Vec<_> = std::iter::once(0..6).collect();
+        assert!(folds(&one, 6).is_err());
     }
 }
