@@ -153,6 +153,7 @@ fn result(read: &ProblemFile) -> ResultFile {
         chi_square: Some(ChiSquare { value: 12.5, degrees_of_freedom: 6.0 }),
         noise_estimate: Some(NoiseDrawing { angle: Some(1e-5), length: Some(1e-6), covariance: None }),
         warnings: vec!["one".into()],
+        holdout_set_aside: Vec::new(),
         set_aside: Vec::new(),
         active_bounds: Vec::new(),
         kkt: None,
