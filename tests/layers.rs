@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 12] = [
+const LAYERS: [(&str, &[&str]); 15] = [
     ("lie", &[]),
     ("linalg", &["problem"]),
     // A problem knows no robot, no file and no terminal.
@@ -16,7 +16,11 @@ const LAYERS: [(&str, &[&str]); 12] = [
     ("solve", &["linalg", "problem"]),
     ("simulate", &["lie", "model", "measure"]),
     ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "solve"]),
+    // Plans postures; what it plans for and where it writes is not its business.
+    ("design", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "identify"]),
+    ("check", &["lie", "model", "measure", "calibration", "simulate", "identify"]),
     ("files", &["lie", "model", "measure", "calibration"]),
+    ("formats", &["lie", "model", "files"]),
     (
         "cli",
         &[
@@ -29,7 +33,10 @@ const LAYERS: [(&str, &[&str]); 12] = [
             "solve",
             "simulate",
             "identify",
+            "design",
+            "check",
             "files",
+            "formats",
         ],
     ),
     ("lib", &[]),

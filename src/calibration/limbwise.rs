@@ -8,7 +8,7 @@ use super::rows::RowWriter;
 use super::sample::Sample;
 use crate::lie::Se3;
 use crate::linalg::{self, RowBlock, RowStream};
-use crate::measure::Row;
+use crate::measure::{Evaluation, Row, View};
 use crate::model::mechanism::pose_difference;
 use crate::model::{Geometry, Mechanism, Posture};
 use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
@@ -32,13 +32,13 @@ impl WholePose {
     /// What was measured of `sample`; `None` where it is less than a whole pose.
     pub fn of(sample: &Sample) -> Option<Self> {
         let measured = *sample.measurement.pose()?;
-        let mut rows = [Row::default(); 6];
-        if sample.measurement.rows() != rows.len() {
+        if sample.measurement.rows() != 6 {
             return None;
         }
         // At the measured pose itself the derivative is the whitening matrix.
-        sample.measurement.evaluate(&measured, &mut rows);
-        let root = Matrix6::from_fn(|i, j| rows[i].by_tool[j]).try_inverse()?;
+        let mut there = Evaluation::default();
+        sample.measurement.evaluate(&View::of_tool(&measured), &mut there);
+        let root = Matrix6::from_fn(|i, j| there.rows[i].by_tool[j]).try_inverse()?;
         Some(Self { measured, root })
     }
 }
@@ -73,7 +73,7 @@ impl<'a> LimbProblem<'a> {
         i: usize,
         starts: Vec<LimbStart<'a>>,
     ) -> Self {
-        let mechanism = Mechanism { limbs: vec![mechanism.limbs[i].clone()] };
+        let mechanism = Mechanism { limbs: vec![mechanism.limbs[i].clone()], instrument: Vec::new() };
         let coordinates = coordinates.of_limb(i);
         let params = coordinates.params(&mechanism);
         Self { mechanism, coordinates, starts, params }

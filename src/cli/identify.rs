@@ -6,15 +6,17 @@ use super::progress::with_spinner;
 use super::ranges::{out_of_range, warn_of_home};
 use super::summary::{Summary, summary};
 use crate::calibration::Sample;
-use crate::files::{DataPlaces, Output, ProblemFile, json, read_problem};
+use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
 use crate::identify::score::{score, set_aside};
 use crate::identify::{Fit, Identification, NoiseEstimate, identify, identify_without_noise};
+use crate::measure::Clue;
 use crate::model::mobility;
 use crate::solve::{Failure, Identifier, Outcome, Stop, registry};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use std::cmp::Ordering;
+use std::iter;
 use std::path::{Path, PathBuf};
 
 /// Arguments.
@@ -67,6 +69,12 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     let own = problem.data.measured.iter().filter(|measured| measured.noise.is_some()).count();
+    if !problem.data.has_noise() && problem.data.sets.iter().any(DataSet::has_noise) {
+        return Err(CliError::Usage(format!(
+            "{}: data.sets: some state their noise and others do not; state it for all or for none",
+            problem.file
+        )));
+    }
     if !problem.data.has_noise() && own > 0 {
         return Err(CliError::Usage(format!(
             "{}: data: {own} samples state their own noise and the others have none; state data.noise",
@@ -116,7 +124,9 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         holdout: held_out,
         out_of_range: out_of_range(
             &problem.mechanism,
-            problem.data.samples.iter().map(|sample| sample.actuators.as_slice()),
+            problem.data.samples.iter().flat_map(|sample| {
+                iter::once(sample.actuators.as_slice()).chain(sample.measurement.second())
+            }),
         ),
         noise,
         identifier: identifier.as_ref(),
@@ -144,19 +154,40 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
 fn shared(training: &[Sample], holdout: &[Sample]) -> Vec<String> {
     let same = |a: &Sample, b: &Sample| {
         a.actuators == b.actuators
-            && a.measurement.pose() == b.measurement.pose()
-            && a.measurement.position() == b.measurement.position()
+            && same_object(a, b)
+            && a.measurement.readings() == b.measurement.readings()
     };
     let both = training.iter().filter(|sample| holdout.iter().any(|held| same(sample, held)));
     both.map(|sample| sample.name.clone()).collect()
 }
 
-/// Number of samples whose readings are those of an earlier one.
+/// Number of samples that measure the same thing at the same readings as an earlier one.
 fn repeated(samples: &[Sample]) -> usize {
-    let mut readings: Vec<&Vec<f64>> = samples.iter().map(|sample| &sample.actuators).collect();
-    readings.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
-    readings.dedup();
-    samples.len() - readings.len()
+    // Of separations it is not known which target they follow.
+    let mut sorted: Vec<&Sample> = samples.iter().filter(|s| s.measurement.second().is_none()).collect();
+    sorted.sort_by(|a, b| a.actuators.partial_cmp(&b.actuators).unwrap_or(Ordering::Equal));
+    let groups = sorted.chunk_by(|a, b| a.actuators == b.actuators);
+    groups
+        .map(|group| {
+            (1..group.len()).filter(|k| group[..*k].iter().any(|a| same_object(a, group[*k]))).count()
+        })
+        .sum()
+}
+
+/// Whether both refer to the same target, fixed point and plane, and to the same second posture.
+fn same_object(a: &Sample, b: &Sample) -> bool {
+    let referred = match (a.measurement.clue(), b.measurement.clue()) {
+        (Clue::Pose(_), Clue::Pose(_)) | (Clue::Internal, Clue::Internal) | (Clue::None, Clue::None) => true,
+        (Clue::Position { target: a, .. }, Clue::Position { target: b, .. }) => a == b,
+        (Clue::Range { target: a, point: from, .. }, Clue::Range { target: b, point: to, .. }) => {
+            a == b && from == to
+        }
+        (Clue::Touch { target: a, plane: on, .. }, Clue::Touch { target: b, plane: under, .. }) => {
+            a == b && on == under
+        }
+        _ => false,
+    };
+    referred && a.measurement.second() == b.measurement.second()
 }
 
 /// Whether both paths lead to one existing file.

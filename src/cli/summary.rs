@@ -1,14 +1,15 @@
 //! The report of one identification: the result file, and its summary for people.
 
+use super::details::{digits, instrument, largest, other_errors};
 use super::wording::{counted, reason};
 use crate::calibration::SetAside;
 use crate::files::noise::NoiseDrawing;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, Deviation, LinkResult, PoseErrors, SetAsideEntry,
-    TraceEntry, WeightEntry,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, Deviation, LinkResult, PoseErrors,
+    SetAsideEntry, TraceEntry, WeightEntry,
 };
-use crate::files::{ProblemFile, ResultFile, Units, redraw};
+use crate::files::{ProblemFile, ResultFile, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Identification, NoiseEstimate};
 use crate::model::Prior;
 use crate::solve::Identifier;
@@ -52,6 +53,14 @@ fn errors(fit: Option<Fit>, units: Units) -> PoseErrors {
         position_max: fit.position.map(|p| p.max),
         rotation_rms: fit.rotation.map(|r| r.rms),
         rotation_max: fit.rotation.map(|r| r.max),
+        distance_rms: fit.distance.map(|d| d.rms),
+        distance_max: fit.distance.map(|d| d.max),
+        plane_rms: fit.plane.map(|p| p.rms),
+        plane_max: fit.plane.map(|p| p.max),
+        joint_angle_rms: fit.joint_angle.map(|j| j.rms),
+        joint_angle_max: fit.joint_angle.map(|j| j.max),
+        joint_length_rms: fit.joint_length.map(|j| j.rms),
+        joint_length_max: fit.joint_length.map(|j| j.max),
         weighted_rms: Some(fit.weighted_rms),
     }
     .in_units(units)
@@ -112,6 +121,7 @@ impl Summary<'_> {
                 .iter()
                 .map(|t| TraceEntry { cost: t.cost, step: t.step, kept: t.kept })
                 .collect(),
+            instrument: self.instrument(),
             links: self.links(),
             mechanism: redraw(&found.start, &found.geometry, units),
             versions: [("gough".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
@@ -119,7 +129,7 @@ impl Summary<'_> {
     }
 
     /// Errors before and after; a run that failed and stayed where it began has no after.
-    fn reached(&self, pair: (Option<Fit>, Option<Fit>)) -> (Option<Fit>, Option<Fit>) {
+    pub(super) fn reached(&self, pair: (Option<Fit>, Option<Fit>)) -> (Option<Fit>, Option<Fit>) {
         let stayed = !self.found.report.outcome.converged() && self.found.fit.0 == self.found.fit.1;
         (pair.0, pair.1.filter(|_| !stayed))
     }
@@ -142,8 +152,25 @@ impl Summary<'_> {
         links
     }
 
+    /// The instrument's constants as identified.
+    pub(super) fn instrument(&self) -> Vec<ConstantResult> {
+        let (found, units) = (self.found, self.problem.units);
+        let drawn = self.problem.mechanism.instrument.iter().enumerate();
+        let first = found.start.link_component_count();
+        let constants = drawn.zip(&found.geometry.instrument).map(|((k, constant), value)| {
+            let shown = |v: f64| from_quantity(units, constant.quantity, v);
+            ConstantResult {
+                name: constant.name(),
+                nominal: shown(constant.nominal),
+                value: shown(*value),
+                std: found.std.as_ref().and_then(|std| std.get(first + k)).map(|v| shown(*v)),
+            }
+        });
+        constants.collect()
+    }
+
     /// Deviation components with a stated tolerance: in tolerances, in rad or m, index, axis, and the link's name.
-    fn components(&self) -> Vec<(f64, f64, usize, usize, String)> {
+    pub(super) fn components(&self) -> Vec<(f64, f64, usize, usize, String)> {
         let mut components = Vec::new();
         let mut index = 0;
         for limb in &self.found.start.limbs {
@@ -165,15 +192,6 @@ impl Summary<'_> {
         let all = self.components().into_iter().map(|(ratio, _, _, _, name)| (ratio.abs(), name));
         all.filter(|(ratio, _)| ratio.is_finite()).max_by(|a, b| a.0.total_cmp(&b.0))
     }
-}
-
-/// Four significant digits.
-pub(super) fn digits(value: f64) -> String {
-    if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
-        return format!("{value:.3e}");
-    }
-    let before = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
-    format!("{value:.*}", usize::try_from(3 - before).unwrap_or(0))
 }
 
 /// The summary for people.
@@ -248,56 +266,8 @@ pub fn summary(of: &Summary<'_>) -> String {
             ));
         }
     }
+    text.push_str(&other_errors(of));
+    text.push_str(&instrument(of));
     text.push_str(&largest(of));
-    text
-}
-
-/// Relative difference up to which two deviations of a limb are the same.
-const SAME: f64 = 1e-6;
-
-/// The largest deviations in tolerances, with their standard errors.
-fn largest(of: &Summary<'_>) -> String {
-    let (found, units) = (of.found, of.problem.units);
-    let mut components = of.components();
-    components.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()).then(a.2.cmp(&b.2)));
-    components.retain(|c| c.0.is_finite() && c.0 != 0.0);
-    if components.is_empty() {
-        return "\n".into();
-    }
-    let mut text = "\nlargest deviations, each link in the frame of the joint that it carries\n".to_owned();
-    let mut shown_sizes: Vec<(f64, &str)> = Vec::new();
-    let mut distinct = Vec::new();
-    for component in &components {
-        // What neighbouring links share by redundancy is one finding, not two.
-        let limb = component.4.split('.').next().unwrap_or_default();
-        let twin = |(size, of): &(f64, &str)| *of == limb && (component.1.abs() - size).abs() <= SAME * size;
-        if !shown_sizes.iter().any(twin) {
-            shown_sizes.push((component.1.abs(), limb));
-            distinct.push(component);
-        }
-        if distinct.len() == SHOWN {
-            break;
-        }
-    }
-    for &(ratio, d, index, i, ref name) in distinct {
-        let (kind, symbol) = match i {
-            0..3 => ("rotation", units.angle_symbol()),
-            _ => ("translation", units.length_symbol()),
-        };
-        let shown = |v: f64| digits(if i < 3 { units.from_radians(v) } else { units.from_metres(v) });
-        let error = found
-            .std
-            .as_ref()
-            .and_then(|std| std.get(index))
-            .map_or(String::new(), |s| format!(" +- {}", shown(*s)));
-        text.push_str(&format!(
-            "  {:24} {:11} {}  {}{error} {symbol}  ({ratio:+.2} tolerances)\n",
-            name,
-            kind,
-            ["x", "y", "z"][i % 3],
-            shown(d),
-        ));
-    }
-    text.push('\n');
     text
 }

@@ -1,6 +1,7 @@
 //! What deserves attention after an identification, in words.
 
-use super::summary::{SHOWN, Summary, digits};
+use super::details::digits;
+use super::summary::{SHOWN, Summary};
 use super::wording::{counted, listed};
 use crate::identify::run::NearSingular;
 use crate::solve::{ActiveBound, Outcome};
@@ -113,6 +114,7 @@ impl Summary<'_> {
                 found.other_mode.join(", ")
             ));
         }
+        warnings.extend(self.problem.data.kind_notes().into_iter().map(str::to_owned));
         if let Some(counts) = found.counts()
             && found.rows < counts.structural
         {

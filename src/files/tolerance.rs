@@ -139,7 +139,7 @@ impl ToleranceDrawing {
 /// Smallest tolerance, rad or m: an atom is 1e-10 m wide, and coordinates are divided by it.
 const LEAST: f64 = 1e-12;
 
-fn prior(
+pub(super) fn prior(
     spread: Spread,
     convert: impl Fn(f64, &Place<'_>) -> Result<f64, FileError>,
     unit: &'static str,
@@ -185,7 +185,7 @@ impl BoundsDrawing {
     }
 }
 
-fn limit(
+pub(super) fn limit(
     value: Option<f64>,
     convert: impl Fn(f64, &Place<'_>) -> Result<f64, FileError>,
     at: &Place<'_>,
