@@ -2,18 +2,18 @@
 
 #![allow(missing_docs)]
 
+use argmin::core::{Solver, State};
 use criterion::{Criterion, criterion_group, criterion_main};
 use faer::Mat;
 use gough::linalg;
-use gough::problem::{Compressed, EvalError, Linearized, Param, Problem};
+use gough::problem::{EvalError, Linearized, Param, Problem};
 use gough::solve::Stop;
 use gough::solve::conic::here::Here;
 use gough::solve::conic::limits::Limits;
 use gough::solve::conic::loss::{Frame, loss};
 use gough::solve::conic::penalty::Penalty;
 use gough::solve::conic::step::Model;
-use gough::solve::damped::{column_norms, damped_step};
-use gough::solve::levenberg::minimise;
+use gough::solve::levenberg::{LevenbergMarquardt, LevenbergState, minimise};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::hint::black_box;
@@ -90,19 +90,19 @@ fn compress(c: &mut Criterion) {
     }
 }
 
-/// The same steps as [`minimise`] takes on a linear problem, without argmin.
-fn plain(problem: &dyn Problem, start: &[f64], iterations: usize) -> Vec<f64> {
-    let mut x = start.to_vec();
-    for _ in 0..iterations {
-        let Ok(here): Result<Compressed, EvalError> = problem.compress(&x) else { return x };
-        let scale = column_norms(&here.jac);
-        let Some(step) = damped_step(&here, &scale, 1e-3) else { return x };
-        x.iter_mut().zip(&step.dx).for_each(|(x, dx)| *x += dx);
-        if problem.residual(&x).is_err() {
-            return x;
+/// The same solver as [`minimise`] runs, driven by a plain loop instead of argmin's executor.
+fn plain(problem: &dyn Problem, start: &[f64], stop: &Stop) -> Vec<f64> {
+    let mut solver = LevenbergMarquardt::new(*stop);
+    let mut wrapped = argmin::core::Problem::new(problem);
+    let state = LevenbergState::new().param(start.to_vec());
+    let (mut state, _) = solver.init(&mut wrapped, state).expect("a start");
+    for _ in 0..stop.iterations {
+        if solver.outcome().is_some() {
+            break;
         }
+        state = solver.next_iter(&mut wrapped, state).expect("a point").0;
     }
-    x
+    state.take_param().expect("a point")
 }
 
 fn argmin(c: &mut Criterion) {
@@ -112,7 +112,7 @@ fn argmin(c: &mut Criterion) {
     let start = vec![0.0; 138];
     let stop = Stop { iterations: 5, step: 0.0, gradient: 0.0, cost: 0.0 };
     group.bench_function("argmin-lm", |b| b.iter(|| minimise(black_box(&problem), &start, &stop).x));
-    group.bench_function("plain loop", |b| b.iter(|| plain(black_box(&problem), &start, 5)));
+    group.bench_function("plain loop", |b| b.iter(|| plain(black_box(&problem), &start, &stop)));
     group.finish();
 }
 

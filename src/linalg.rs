@@ -182,6 +182,41 @@ pub fn singular_values(a: MatRef<'_, f64>) -> Option<Vec<f64>> {
     a.singular_values().ok()
 }
 
+/// `-J^+ r` with singular values of `J` at most `smallest` times the largest taken as zero; `None` where it is not
+/// finite.
+pub fn pseudo_inverse_step(jac: MatRef<'_, f64>, r: &[f64], smallest: f64) -> Option<Vec<f64>> {
+    let svd = svd(jac)?;
+    let smallest = smallest * svd.s.first().copied().unwrap_or(0.0);
+    let mut along = mul_transpose(svd.u.as_ref(), r);
+    for (a, s) in along.iter_mut().zip(&svd.s) {
+        *a = if *s > smallest { -*a / s } else { 0.0 };
+    }
+    let step = mul(svd.v.as_ref(), &along);
+    step.iter().all(|v| v.is_finite()).then_some(step)
+}
+
+/// Solves `R z = rhs` in place with the triangle in the first columns of `factor`, as many as `z` has entries;
+/// `None` where a pivot is zero or the solution is not finite.
+pub fn solve_upper(factor: &Mat<f64>, z: &mut [f64]) -> Option<()> {
+    for j in (0..z.len()).rev() {
+        z[j] /= factor[(j, j)];
+        let zj = z[j];
+        for (zi, f) in z[..j].iter_mut().zip(factor.col(j).iter()) {
+            *zi -= f * zj;
+        }
+    }
+    z.iter().all(|v| v.is_finite()).then_some(())
+}
+
+/// Solves `R' z = rhs` in place, likewise.
+pub fn solve_upper_transpose(factor: &Mat<f64>, z: &mut [f64]) -> Option<()> {
+    for j in 0..z.len() {
+        let known: f64 = z[..j].iter().zip(factor.col(j).iter()).map(|(z, f)| z * f).sum();
+        z[j] = (z[j] - known) / factor[(j, j)];
+    }
+    z.iter().all(|v| v.is_finite()).then_some(())
+}
+
 /// `a x`.
 pub fn mul(a: MatRef<'_, f64>, x: &[f64]) -> Vec<f64> {
     let mut out = vec![0.0; a.nrows()];

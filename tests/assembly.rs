@@ -155,7 +155,7 @@ fn the_result_names_the_postures() {
     assert!(ran.status == 0, "{ran:?}");
     let result = json(&out);
     for warning in [
-        "1 postures took no part: sample 63",
+        "1 posture took no part: sample 63",
         "2 postures that the nominal machine cannot reach were set aside at first and taken back: \
          sample 61, sample 62",
     ] {

@@ -161,6 +161,7 @@ fn result(read: &ProblemFile) -> ResultFile {
         }),
         noise_estimate: Some(NoiseDrawing { angle: Some(1e-5), length: Some(1e-6), covariance: None }),
         warnings: vec!["one".into()],
+        holdout_set_aside: Vec::new(),
         set_aside: Vec::new(),
         active_bounds: Vec::new(),
         kkt: None,

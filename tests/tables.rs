@@ -76,7 +76,7 @@ fn foreign_columns() {
     assert!(good.holdout.has_noise() && good.holdout.samples[0].name == "d.csv line 3");
     assert_eq!(with("kind", json!("position")).unwrap().data.samples[0].measurement.rows(), 3);
     let bad = |key, value, parts: &[&str]| assert_message(&with(key, value).unwrap_err(), parts);
-    bad("where", json!({"split": "trian"}), &["d.csv", "no rows with split = trian"]);
+    bad("where", json!({"split": "trian"}), &["d.csv", "no rows with split = trian; split holds `"]);
     bad("where", json!({"sort": "train"}), &["d.csv: line 1", "no column `sort`", "`split`"]);
     bad("columns", json!({"actuators": ["a"]}), &["d.csv: line 1", "1 readings for 6 actuators"]);
     bad("columns", json!({"acts": []}), &["data.columns.acts", "unknown field"]);

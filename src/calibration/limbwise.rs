@@ -7,33 +7,30 @@ use super::coordinates::{Coordinates, LimbCoordinates};
 use super::rows::RowWriter;
 use super::sample::Sample;
 use crate::lie::Se3;
-use crate::linalg::RowBlock;
+use crate::linalg::{self, RowBlock, RowStream};
 use crate::measure::{Evaluation, Row, View};
 use crate::model::mechanism::pose_difference;
 use crate::model::{Geometry, Mechanism, Posture};
-use crate::problem::{EvalError, Linearized, Param, Problem};
+use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
 use faer::{Mat, MatRef};
 use nalgebra::Matrix6;
 
 /// Passive joint step (rad, machine sizes) below which the limb is at the pose: the residual depends on it by
-/// second order only, 1e-11.
-const AT_POSE: f64 = 3e-6;
+/// second order only, 1e-10.
+const AT_POSE: f64 = 1e-5;
 const MAX_ITERATIONS: usize = 30;
 
-/// A posture as one limb sees it.
+/// A whole measured pose.
 #[derive(Clone, Debug)]
-pub struct LimbStart {
-    name: String,
-    actuators: Vec<f64>,
-    passive: Vec<f64>,
+pub struct WholePose {
     measured: Se3,
-    /// Square root of the covariance of the measured pose, `[rotation; displacement]`.
+    /// Square root of its covariance, `[rotation; displacement]`.
     root: Matrix6<f64>,
 }
 
-impl LimbStart {
-    /// `None` where less than a whole pose was measured.
-    pub fn new(sample: &Sample, actuators: &[f64], passive: &[f64]) -> Option<Self> {
+impl WholePose {
+    /// What was measured of `sample`; `None` where it is less than a whole pose.
+    pub fn of(sample: &Sample) -> Option<Self> {
         let measured = *sample.measurement.pose()?;
         if sample.measurement.rows() != 6 {
             return None;
@@ -42,23 +39,40 @@ impl LimbStart {
         let mut there = Evaluation::default();
         sample.measurement.evaluate(&View::of_tool(&measured), &mut there);
         let root = Matrix6::from_fn(|i, j| there.rows[i].by_tool[j]).try_inverse()?;
-        let (actuators, passive) = (actuators.to_vec(), passive.to_vec());
-        Some(Self { name: sample.name.clone(), actuators, passive, measured, root })
+        Some(Self { measured, root })
     }
+}
+
+/// A posture as one limb sees it: actuators and passive joints are its own.
+#[derive(Clone, Debug)]
+pub struct LimbStart<'a> {
+    /// Name of the sample.
+    pub name: &'a str,
+    /// Actuator variables, rad or m.
+    pub actuators: &'a [f64],
+    /// Passive joint variables to start from, rad or m.
+    pub passive: &'a [f64],
+    /// What was measured.
+    pub pose: WholePose,
 }
 
 /// The errors of one limb, `6 - m` residuals a posture.
 #[derive(Clone, Debug)]
-pub struct LimbProblem {
+pub struct LimbProblem<'a> {
     mechanism: Mechanism,
     coordinates: Coordinates,
-    starts: Vec<LimbStart>,
+    starts: Vec<LimbStart<'a>>,
     params: Vec<Param>,
 }
 
-impl LimbProblem {
+impl<'a> LimbProblem<'a> {
     /// Limb `i` of a machine in the coordinates that it has there.
-    pub fn new(mechanism: &Mechanism, coordinates: &Coordinates, i: usize, starts: Vec<LimbStart>) -> Self {
+    pub fn new(
+        mechanism: &Mechanism,
+        coordinates: &Coordinates,
+        i: usize,
+        starts: Vec<LimbStart<'a>>,
+    ) -> Self {
         let mechanism = Mechanism { limbs: vec![mechanism.limbs[i].clone()], instrument: Vec::new() };
         let coordinates = coordinates.of_limb(i);
         let params = coordinates.params(&mechanism);
@@ -80,7 +94,7 @@ impl LimbProblem {
         let mut by_noise = Mat::zeros(self.starts.len() * self.wrench_count(), 6);
         let (mut first, mut posture_number) = (0, 0);
         self.visit(&geometry, |_, rows| {
-            let root = &self.starts[posture_number].root;
+            let root = &self.starts[posture_number].pose.root;
             for (i, row) in rows.iter().enumerate() {
                 for j in 0..6 {
                     by_noise[(first + i, j)] = (0..6).map(|l| row.by_tool[l] * root[(l, j)]).sum();
@@ -96,7 +110,7 @@ impl LimbProblem {
         let mut posture = Posture::new(&self.mechanism);
         let mut rows = vec![Row::default(); self.wrench_count()];
         for start in &self.starts {
-            posture.set_joints(&self.mechanism, &start.actuators, &start.passive);
+            posture.set_joints(&self.mechanism, start.actuators, start.passive);
             self.approach(&mut posture, geometry, start)?;
             self.evaluate(&posture, start, &mut rows)?;
             visit(&posture, &rows);
@@ -109,12 +123,12 @@ impl LimbProblem {
         &self,
         posture: &mut Posture,
         geometry: &Geometry,
-        start: &LimbStart,
+        start: &LimbStart<'_>,
     ) -> Result<(), EvalError> {
         let length = posture.length();
         for _ in 0..MAX_ITERATIONS {
             posture.open(&self.mechanism, geometry);
-            let (w, v) = pose_difference(&start.measured, &posture.tool());
+            let (w, v) = pose_difference(&start.pose.measured, &posture.tool());
             let gap = [w.x, w.y, w.z, v.x / length, v.y / length, v.z / length];
             let steps = posture.splits[0].motions(&gap);
             let passive =
@@ -133,7 +147,7 @@ impl LimbProblem {
     }
 
     /// `C^-1 W e` and its derivative by the limb's tool twist, `C C'` the covariance of `W e`.
-    fn evaluate(&self, posture: &Posture, start: &LimbStart, rows: &mut [Row]) -> Result<(), EvalError> {
+    fn evaluate(&self, posture: &Posture, start: &LimbStart<'_>, rows: &mut [Row]) -> Result<(), EvalError> {
         let length = posture.length();
         let k = rows.len();
         // Gram-Schmidt on the rows of W root, done to W as well, whitens W e.
@@ -141,7 +155,7 @@ impl LimbProblem {
         let mut spread = [[0.0; 6]; 6];
         for (i, wrench) in posture.splits[0].wrenches().iter().enumerate() {
             w[i] = std::array::from_fn(|j| if j < 3 { wrench[j] } else { wrench[j] / length });
-            spread[i] = std::array::from_fn(|j| (0..6).map(|l| w[i][l] * start.root[(l, j)]).sum());
+            spread[i] = std::array::from_fn(|j| (0..6).map(|l| w[i][l] * start.pose.root[(l, j)]).sum());
         }
         for i in 0..k {
             for j in 0..i {
@@ -160,7 +174,7 @@ impl LimbProblem {
                 w[i][l] /= size;
             }
         }
-        let (turn, dp) = pose_difference(&posture.tool(), &start.measured);
+        let (turn, dp) = pose_difference(&posture.tool(), &start.pose.measured);
         let error = [turn.x, turn.y, turn.z, dp.x, dp.y, dp.z];
         for (row, w) in rows.iter_mut().zip(&w) {
             *row = Row { r: dot(w, &error), by_tool: *w };
@@ -179,7 +193,7 @@ fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-impl Problem for LimbProblem {
+impl Problem for LimbProblem<'_> {
     fn params(&self) -> &[Param] {
         &self.params
     }
@@ -213,5 +227,44 @@ impl Problem for LimbProblem {
             None => jac.to_owned(),
         };
         Ok(Linearized { r: r.to_vec(), jac })
+    }
+
+    fn compress(&self, x: &[f64]) -> Result<Compressed, EvalError> {
+        let (d, geometry) = self.geometry(x);
+        let expected = self.starts.len() * self.wrench_count();
+        let mut stream = RowStream::new(self.limb().slice.len(), expected);
+        let mut writer = RowWriter::default();
+        self.visit(&geometry, |posture, rows| {
+            let block = stream.next(rows.len());
+            writer.write_alone(self.limb(), &posture.frames, &posture.tool().p, rows, block);
+            stream.add_square(rows.iter().map(|row| row.r * row.r).sum());
+        })?;
+        let sliced = stream.finish();
+        let jac = match self.coordinates.transforms(&self.mechanism, &geometry, &d).first() {
+            Some(transform) => sliced.jac * transform,
+            None => sliced.jac,
+        };
+        Ok(Compressed { jac, ..sliced })
+    }
+
+    fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), EvalError> {
+        let (d, geometry) = self.geometry(x);
+        let columns = self.limb().slice.len();
+        let (mut square, mut by_slice) = (0.0, vec![0.0; columns]);
+        let mut writer = RowWriter::default();
+        let mut data = vec![0.0; self.wrench_count() * (columns + 1)];
+        self.visit(&geometry, |posture, rows| {
+            let block = RowBlock::new(&mut data, rows.len(), 0, rows.len());
+            writer.write_alone(self.limb(), &posture.frames, &posture.tool().p, rows, block);
+            for (sum, column) in by_slice.iter_mut().zip(data.chunks_exact(rows.len().max(1))) {
+                *sum += column.iter().zip(rows).map(|(j, row)| j * row.r).sum::<f64>();
+            }
+            square += rows.iter().map(|row| row.r * row.r).sum::<f64>();
+        })?;
+        let by_x = match self.coordinates.transforms(&self.mechanism, &geometry, &d).first() {
+            Some(transform) => linalg::mul_transpose(transform.as_ref(), &by_slice),
+            None => by_slice,
+        };
+        Ok((0.5 * square, by_x))
     }
 }

@@ -1,7 +1,7 @@
 //! The calibration problem: whitened pose errors by link deviations, loops closed.
 
 use super::coordinates::Coordinates;
-use super::limbwise::{LimbProblem, LimbStart};
+use super::limbwise::{LimbProblem, LimbStart, WholePose};
 use super::rows::RowWriter;
 use super::sample::{Postures, Sample, SetAside};
 use crate::linalg::{self, RowBlock, RowStream};
@@ -191,7 +191,9 @@ impl<'a> Calibration<'a> {
     }
 
     /// Every limb by itself with the coordinates that are its own, where every posture was measured as a whole pose.
-    pub fn limbs(&self) -> Option<Vec<(LimbProblem, Range<usize>)>> {
+    pub fn limbs(&self) -> Option<Vec<(LimbProblem<'_>, Range<usize>)>> {
+        let poses: Option<Vec<WholePose>> = self.starts.iter().map(|s| WholePose::of(s.sample)).collect();
+        let poses = poses?;
         let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
         let (mut actuator, mut passive) = (0, 0);
         for (i, limb) in self.mechanism.limbs.iter().enumerate() {
@@ -201,8 +203,11 @@ impl<'a> Calibration<'a> {
             let starts: Option<Vec<LimbStart>> = self
                 .starts
                 .iter()
-                .map(|s| {
-                    LimbStart::new(s.sample, s.sample.actuators.get(a.clone())?, s.passive.get(p.clone())?)
+                .zip(&poses)
+                .map(|(s, pose)| {
+                    let (actuators, passive) =
+                        (s.sample.actuators.get(a.clone())?, s.passive.get(p.clone())?);
+                    Some(LimbStart { name: &s.sample.name, actuators, passive, pose: pose.clone() })
                 })
                 .collect();
             let own = &self.coordinates.limbs[i];
@@ -306,16 +311,27 @@ impl Problem for Calibration<'_> {
         Ok((0.5 * square, by_x))
     }
 
+    /// One block a sample.
+    fn blocks(&self) -> Vec<Range<usize>> {
+        let mut next = 0;
+        let block = |start: &Start<'_>| {
+            let first = next;
+            next += start.sample.measurement.rows();
+            first..next
+        };
+        self.starts.iter().map(block).collect()
+    }
+
     /// One part a limb, where every posture was measured as a whole pose and nothing else is unknown.
     fn parts(&self) -> Option<Vec<Part<'_>>> {
         if self.coordinates.instrument.count > 0 {
             return None;
         }
-        let part = |(problem, members): (LimbProblem, Range<usize>)| Part {
-            problem: Box::new(problem),
-            members: members.collect(),
-        };
-        Some(self.limbs()?.into_iter().map(part).collect())
+        let mut parts = Vec::new();
+        for (problem, members) in self.limbs()? {
+            parts.push(Part { problem: Box::new(problem), members: members.collect() });
+        }
+        Some(parts)
     }
 
     fn redundant(&self, x: &[f64]) -> Mat<f64> {

@@ -10,6 +10,8 @@ use nalgebra::Vector3;
 
 /// Rows handled together.
 const LANES: usize = 6;
+/// Rows from which that pays.
+const FEW: usize = 3;
 
 /// Derivatives of up to six residuals by a twist, one array a component: by its rotation (rad), by its translation (m).
 type Lanes = [[[f64; LANES]; 3]; 2];
@@ -101,8 +103,12 @@ impl RowWriter {
         rows: &[Row],
         mut out: RowBlock<'_>,
     ) {
-        self.gather(rows.len(), |k| rows[k].by_tool);
-        self.write_limb::<false>(limb, frames, tool, &mut out);
+        if rows.len() < FEW {
+            write_single(limb, frames, tool, rows, &mut out);
+        } else {
+            self.gather(rows.len(), |k| rows[k].by_tool);
+            self.write_limb::<false>(limb, frames, tool, &mut out);
+        }
         for (entry, row) in out.column(limb.slice.len()).iter_mut().zip(rows) {
             *entry = row.r;
         }
@@ -142,6 +148,30 @@ impl RowWriter {
                     }
                 }
             }
+        }
+    }
+}
+
+/// What [`RowWriter::write_limb`] does, row by row.
+fn write_single(
+    limb: &LimbCoordinates,
+    frames: &[Se3],
+    tool: &Vector3<f64>,
+    rows: &[Row],
+    out: &mut RowBlock<'_>,
+) {
+    for (i, row) in rows.iter().enumerate() {
+        let turn = Vector3::from_column_slice(&row.by_tool[..3]);
+        let shift = Vector3::from_column_slice(&row.by_tool[3..]);
+        let (mut link, mut at) = (usize::MAX, turn);
+        for (k, &component) in limb.slice.iter().enumerate() {
+            let g = &frames[component / 6];
+            if component / 6 != link {
+                link = component / 6;
+                at = turn + (tool - g.p).cross(&shift);
+            }
+            let by = if component % 6 < 3 { &at } else { &shift };
+            out.column(k)[i] = by.dot(&g.r.column(component % 3));
         }
     }
 }

@@ -5,8 +5,10 @@ use crate::identify::score::Spread;
 use crate::identify::{Fit, Variance};
 use crate::model::Quantity;
 
-/// Deviations shown.
+/// Deviations shown, and postures and bounds of a kind.
 pub(super) const SHOWN: usize = 5;
+/// Relative difference up to which two deviations of a limb are the same.
+const SAME: f64 = 1e-6;
 
 /// Four significant digits.
 pub(super) fn digits(value: f64) -> String {
@@ -30,7 +32,9 @@ pub(super) fn other_errors(of: &Summary<'_>) -> String {
     ];
     let mut text = String::new();
     for (name, part, angular) in parts {
-        for (set, (before, after)) in [("training", of.found.fit), ("hold-out", of.holdout)] {
+        for (set, (before, after)) in
+            [("training", of.reached(of.found.fit)), ("hold-out", of.reached(of.holdout))]
+        {
             let (Some(before), Some(after)) = (before.as_ref().and_then(part), after.as_ref().and_then(part))
             else {
                 continue;
@@ -78,7 +82,21 @@ pub(super) fn largest(of: &Summary<'_>) -> String {
         return "\n".into();
     }
     let mut text = "\nlargest deviations, each link in the frame of the joint that it carries\n".to_owned();
-    for (ratio, d, index, i, name) in components.into_iter().take(SHOWN) {
+    let mut shown_sizes: Vec<(f64, &str)> = Vec::new();
+    let mut distinct = Vec::new();
+    for component in &components {
+        // What neighbouring links share by redundancy is one finding, not two.
+        let limb = component.4.split('.').next().unwrap_or_default();
+        let twin = |(size, of): &(f64, &str)| *of == limb && (component.1.abs() - size).abs() <= SAME * size;
+        if !shown_sizes.iter().any(twin) {
+            shown_sizes.push((component.1.abs(), limb));
+            distinct.push(component);
+        }
+        if distinct.len() == SHOWN {
+            break;
+        }
+    }
+    for &(ratio, d, index, i, ref name) in distinct {
         let (kind, symbol) = match i {
             0..3 => ("rotation", units.angle_symbol()),
             _ => ("translation", units.length_symbol()),

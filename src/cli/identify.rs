@@ -3,17 +3,22 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
+use super::ranges::{out_of_range, warn_of_home};
 use super::summary::{Summary, summary};
 use crate::calibration::Sample;
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
+use crate::identify::score::{score, set_aside};
 use crate::identify::{
-    Fit, Folds, Identification, NoiseEstimate, cross_validate, identify, identify_without_noise, score,
+    Fit, Folds, Identification, NoiseEstimate, cross_validate, identify, identify_without_noise,
 };
+use crate::measure::Clue;
 use crate::model::mobility;
-use crate::solve::{Identifier, Stop, registry};
+use crate::solve::{Failure, Identifier, Outcome, Stop, registry};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
+use std::cmp::Ordering;
+use std::iter;
 use std::path::{Path, PathBuf};
 
 /// Arguments.
@@ -65,6 +70,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
     problem.require_tolerances()?;
     problem.require_samples()?;
+    warn_of_home(&problem.mechanism);
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     let own = problem.data.measured.iter().filter(|measured| measured.noise.is_some()).count();
@@ -94,6 +100,13 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     });
     let (found, noise): (Identification, Option<NoiseEstimate>) =
         outcome.map_err(|why| CliError::Identify { file: problem.file.clone(), why })?;
+    if let Outcome::Failed(Failure::Infeasible(names)) = &found.report.outcome {
+        return Err(CliError::Usage(format!(
+            "{}: the limits contradict each other: no machine fits those of {}; widen or remove one",
+            problem.file,
+            names.join(", ")
+        )));
+    }
     if let (true, Some(first)) = (args.require_all, found.set_aside.first()) {
         return Err(CliError::SetAside {
             file: problem.file.clone(),
@@ -115,15 +128,23 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         }
     };
     let held_out: (Option<Fit>, Option<Fit>) = (
-        score::score(&found.start, &found.start.nominal(), &holdout),
-        score::score(&found.start, &found.geometry, &holdout),
+        score(&found.start, &found.start.nominal(), &holdout),
+        score(&found.start, &found.geometry, &holdout),
     );
+    let holdout_set_aside = set_aside(&found.start, &found.geometry, &holdout);
     let report = Summary {
         problem: &problem,
+        repeated: repeated(&training),
+        shared: shared(&training, &holdout),
+        holdout_set_aside,
         found: &found,
         holdout: held_out,
-        held_out: holdout.len(),
-        out_of_range: out_of_range(&problem),
+        out_of_range: out_of_range(
+            &problem.mechanism,
+            problem.data.samples.iter().flat_map(|sample| {
+                iter::once(sample.actuators.as_slice()).chain(sample.measurement.second())
+            }),
+        ),
         noise,
         test: found.chi_square_test(&weighed),
         cross_validation,
@@ -161,33 +182,69 @@ fn folds(text: &str, samples: usize, seed: u64) -> Result<Folds, CliError> {
     }
 }
 
+/// Names of the training samples that are in the hold-out, too: the same readings and the same values measured.
+fn shared(training: &[Sample], holdout: &[Sample]) -> Vec<String> {
+    let same = |a: &Sample, b: &Sample| {
+        a.actuators == b.actuators
+            && same_object(a, b)
+            && a.measurement.readings() == b.measurement.readings()
+    };
+    let both = training.iter().filter(|sample| holdout.iter().any(|held| same(sample, held)));
+    both.map(|sample| sample.name.clone()).collect()
+}
+
+/// Number of samples that measure the same thing at the same readings as an earlier one.
+fn repeated(samples: &[Sample]) -> usize {
+    // Of separations it is not known which target they follow.
+    let mut sorted: Vec<&Sample> = samples.iter().filter(|s| s.measurement.second().is_none()).collect();
+    sorted.sort_by(|a, b| a.actuators.partial_cmp(&b.actuators).unwrap_or(Ordering::Equal));
+    let groups = sorted.chunk_by(|a, b| a.actuators == b.actuators);
+    groups
+        .map(|group| {
+            (1..group.len()).filter(|k| group[..*k].iter().any(|a| same_object(a, group[*k]))).count()
+        })
+        .sum()
+}
+
+/// Whether both refer to the same target, fixed point and plane, and to the same second posture.
+fn same_object(a: &Sample, b: &Sample) -> bool {
+    let referred = match (a.measurement.clue(), b.measurement.clue()) {
+        (Clue::Pose(_), Clue::Pose(_)) | (Clue::Internal, Clue::Internal) | (Clue::None, Clue::None) => true,
+        (Clue::Position { target: a, .. }, Clue::Position { target: b, .. }) => a == b,
+        (Clue::Range { target: a, point: from, .. }, Clue::Range { target: b, point: to, .. }) => {
+            a == b && from == to
+        }
+        (Clue::Touch { target: a, plane: on, .. }, Clue::Touch { target: b, plane: under, .. }) => {
+            a == b && on == under
+        }
+        _ => false,
+    };
+    referred && a.measurement.second() == b.measurement.second()
+}
+
 /// Whether both paths lead to one existing file.
 fn same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Actuators whose readings leave the range that the drawing states by more than a tenth of it.
-fn out_of_range(problem: &ProblemFile) -> Vec<String> {
-    let joints = problem.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
-    let mut names = problem.mechanism.actuator_names();
-    let mut outside = Vec::new();
-    for (index, joint) in joints.enumerate() {
-        let Some((low, high)) = joint.range else { continue };
-        let slack = 0.1 * (high - low);
-        let leaves = |s: &Sample| {
-            let reading = s.actuators.get(index).map_or(joint.home, |variable| variable + joint.home);
-            reading < low - slack || reading > high + slack
-        };
-        if problem.data.samples.iter().any(leaves) {
-            outside.push(std::mem::take(&mut names[index]));
-        }
-    }
-    outside
-}
-
 /// The identifier named, with the settings given.
 fn configured(args: &Args) -> Result<Box<dyn Identifier>, CliError> {
     let mut identifier = registry::find(&args.solver)?;
+    let takes_bounds =
+        |identifier: &dyn Identifier| identifier.settings().iter().any(|(key, _)| *key == "bounds");
+    if args.bounds.is_some() && !takes_bounds(identifier.as_ref()) {
+        let all = registry::all();
+        let others: Vec<&str> = all.iter().filter(|i| takes_bounds(i.as_ref())).map(|i| i.name()).collect();
+        return Err(CliError::Usage(format!(
+            "--bounds: solver '{}' takes no bounds; these do: {}",
+            args.solver,
+            others.join(", ")
+        )));
+    }
+    let twice = |setting: &String| setting.split_once('=').is_some_and(|(key, _)| key.trim() == "bounds");
+    if args.bounds.is_some() && args.settings.iter().any(twice) {
+        return Err(CliError::Usage("both --bounds and --set bounds=...; give one of them".into()));
+    }
     let bounds = args.bounds.as_ref().map(|n| format!("bounds={n}"));
     for setting in args.settings.iter().chain(&bounds) {
         let (key, value) = setting

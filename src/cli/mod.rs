@@ -14,10 +14,12 @@ pub mod import_csv;
 pub mod plan;
 pub mod predict;
 pub mod progress;
+pub mod ranges;
 pub mod result;
 pub mod simulate;
 pub mod solvers;
 pub mod summary;
 pub mod warnings;
+pub mod wording;
 
 pub use dispatch::run;

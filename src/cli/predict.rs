@@ -3,6 +3,8 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
+use super::ranges::out_of_range;
+use super::wording::{counted, reason};
 use crate::files::{
     Model, Output, PosesFormat, poses_text, read_actuators, read_model, uncertain_poses_text,
 };
@@ -12,6 +14,9 @@ use crate::simulate::close;
 use faer::Mat;
 use rayon::prelude::*;
 use std::path::PathBuf;
+
+/// Postures that a message names.
+const SHOWN: usize = 5;
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -24,6 +29,9 @@ pub struct Args {
     /// State the standard deviation of every component and the covariance (results only)
     #[arg(long)]
     uncertainty: bool,
+    /// Leave out postures whose loops do not close instead of refusing all
+    #[arg(long)]
+    skip_unreachable: bool,
     /// Where to write the poses (.json or .csv; standard output if left out)
     #[arg(short, long, value_name = "POSES")]
     output: Option<PathBuf>,
@@ -43,16 +51,32 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         rows.par_iter().map(|row| close(&model.mechanism, &geometry, &row.variables)).collect()
     });
     let (mut poses, mut postures) = (Vec::with_capacity(rows.len()), Vec::new());
+    let mut unreachable = Vec::new();
     for (row, posture) in rows.iter().zip(closed) {
-        let posture = posture.map_err(|why| CliError::Posture {
-            file: args.actuators.display().to_string(),
-            sample: row.name.clone(),
-            why,
-        })?;
-        poses.push((row.readings.clone(), posture.tool()));
-        if links.is_some() {
-            postures.push((row.variables.clone(), posture));
+        match posture {
+            Ok(posture) => {
+                poses.push((row.readings.clone(), posture.tool()));
+                if links.is_some() {
+                    postures.push((row.variables.clone(), posture));
+                }
+            }
+            Err(why) => unreachable.push(format!("{}: {}", row.name, reason(&why, model.units))),
         }
+    }
+    if !unreachable.is_empty() {
+        let file = args.actuators.display();
+        let which = unreachable.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join("; ");
+        let more = if unreachable.len() > SHOWN { "; ..." } else { "" };
+        let number = counted(unreachable.len(), "posture");
+        let message = format!("{file}: {number} of {} cannot be reached: {which}{more}", rows.len());
+        if poses.is_empty() || !args.skip_unreachable {
+            return Err(CliError::Usage(format!("{message} (--skip-unreachable leaves such postures out)")));
+        }
+        eprintln!("warning: left out: {message}");
+    }
+    let outside = out_of_range(&model.mechanism, rows.iter().map(|row| row.variables.as_slice()));
+    if !outside.is_empty() {
+        eprintln!("warning: readings outside the stated range of {}", outside.join(", "));
     }
     let format = args.output.as_deref().map_or(PosesFormat::default(), PosesFormat::of);
     let names = model.mechanism.actuator_names();

@@ -1,6 +1,8 @@
 //! The result file of one identification.
 
 use super::summary::Summary;
+use super::wording::reason;
+use crate::calibration::SetAside;
 use crate::files::noise::NoiseDrawing;
 use crate::files::place::Place;
 use crate::files::result::RESULT_FORMAT;
@@ -41,6 +43,11 @@ fn errors(fit: Option<Fit>, units: Units) -> PoseErrors {
     .in_units(units)
 }
 
+fn entries(set_aside: &[SetAside], units: Units) -> Vec<SetAsideEntry> {
+    let entry = |s: &SetAside| SetAsideEntry { sample: s.name.clone(), reason: reason(&s.reason, units) };
+    set_aside.iter().map(entry).collect()
+}
+
 fn before_after(pair: (Option<Fit>, Option<Fit>), units: Units) -> Option<BeforeAfter> {
     (pair.0.is_some() || pair.1.is_some())
         .then(|| BeforeAfter { before: errors(pair.0, units), after: errors(pair.1, units) })
@@ -62,8 +69,8 @@ impl Summary<'_> {
             iterations: found.trace.len(),
             units,
             counts: found.counts().map(Counts::from).unwrap_or_default(),
-            fit: before_after(found.fit, units),
-            holdout: before_after(self.holdout, units),
+            fit: before_after(self.reached(found.fit), units),
+            holdout: before_after(self.reached(self.holdout), units),
             chi_square: found.chi_square().map(|(value, degrees_of_freedom)| ChiSquare {
                 value,
                 degrees_of_freedom,
@@ -81,11 +88,8 @@ impl Summary<'_> {
                 covariance: None,
             }),
             warnings: self.warnings(),
-            set_aside: found
-                .set_aside
-                .iter()
-                .map(|s| SetAsideEntry { sample: s.name.clone(), reason: s.reason.to_string() })
-                .collect(),
+            set_aside: entries(&found.set_aside, units),
+            holdout_set_aside: entries(&self.holdout_set_aside, units),
             active_bounds: report
                 .active
                 .iter()

@@ -2,6 +2,7 @@
 
 use super::dispatch::Ending;
 use super::error::CliError;
+use super::ranges::warn_of_home;
 use crate::files::problem::parse_problem;
 use crate::files::{
     DataDrawing, DataPlaces, DataSet, Kind, Output, ProblemDrawing, ProblemFile, SampleDrawing,
@@ -36,7 +37,10 @@ pub struct Args {
     /// Factor on the tolerances from which the truth is drawn
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
     distance: f64,
-    /// Where to write the problem
+    /// Further folder in which data files are looked for
+    #[arg(long, value_name = "DIR")]
+    data_dir: Option<PathBuf>,
+    /// Where to write the problem, a JSON file
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
@@ -45,6 +49,12 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<Ending, CliError> {
     let output = Output::named(Some(&args.output));
     output.check()?;
+    if args.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+        return Err(CliError::Usage(format!(
+            "-o {}: a simulated problem holds machine, noise and truth, which a table cannot; name a .json file",
+            args.output.display()
+        )));
+    }
     for (name, value) in [("--noise", args.noise), ("--distance", args.distance)] {
         if !value.is_finite() || value < 0.0 {
             return Err(CliError::Usage(format!("{name} must be a number that is not negative")));
@@ -52,6 +62,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     }
     let problem = problem_to_measure(args)?;
     problem.require_tolerances()?;
+    warn_of_home(&problem.mechanism);
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     let sets = problem.data.parts();
@@ -95,7 +106,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
 
 /// The problem, with another kind of measurement where one is asked for.
 fn problem_to_measure(args: &Args) -> Result<ProblemFile, CliError> {
-    let problem = read_problem(&args.problem, &DataPlaces::from_environment(None))?;
+    let places = DataPlaces::from_environment(args.data_dir.clone());
+    let problem = read_problem(&args.problem, &places)?;
     let Some(kind) = &args.kind else { return Ok(problem) };
     let mut drawing = problem.drawing;
     let data = drawing.data.unwrap_or_default();
@@ -111,7 +123,7 @@ fn problem_to_measure(args: &Args) -> Result<ProblemFile, CliError> {
     });
     let text = json::text(&drawing)
         .map_err(|why| CliError::Usage(format!("the problem cannot be written: {why}")))?;
-    Ok(parse_problem(&args.problem, &text, &DataPlaces::from_environment(None))?)
+    Ok(parse_problem(&args.problem, &text, &places)?)
 }
 
 /// How the data came about.

@@ -1,6 +1,8 @@
 //! The report of one identification: its summary for people.
 
 use super::details::{digits, instrument, largest, other_errors};
+use super::wording::counted;
+use crate::calibration::SetAside;
 use crate::files::ProblemFile;
 use crate::identify::{ChiSquareTest, CrossValidation, Fit, Identification, NoiseEstimate};
 use crate::model::Prior;
@@ -14,8 +16,12 @@ pub struct Summary<'a> {
     pub found: &'a Identification,
     /// Prediction of the hold-out by nominal and result.
     pub holdout: (Option<Fit>, Option<Fit>),
-    /// Number of hold-out postures.
-    pub held_out: usize,
+    /// Hold-out postures that do not close with the result.
+    pub holdout_set_aside: Vec<SetAside>,
+    /// Number of samples whose readings repeat an earlier one's.
+    pub repeated: usize,
+    /// Samples that are in the hold-out as well as in the training.
+    pub shared: Vec<String>,
     /// Readings outside the ranges that the drawing states, by actuator.
     pub out_of_range: Vec<String>,
     /// Noise, where it was estimated.
@@ -29,6 +35,12 @@ pub struct Summary<'a> {
 }
 
 impl Summary<'_> {
+    /// Errors before and after; a run that failed and stayed where it began has no after.
+    pub(super) fn reached(&self, pair: (Option<Fit>, Option<Fit>)) -> (Option<Fit>, Option<Fit>) {
+        let stayed = !self.found.report.outcome.converged() && self.found.fit.0 == self.found.fit.1;
+        (pair.0, pair.1.filter(|_| !stayed))
+    }
+
     /// Deviation components with a stated tolerance: in tolerances, in rad or m, index, axis, and the link's name.
     pub(super) fn components(&self) -> Vec<(f64, f64, usize, usize, String)> {
         let mut components = Vec::new();
@@ -62,15 +74,15 @@ pub fn summary(of: &Summary<'_>) -> String {
     let (r, p) = mechanism.joint_counts();
     let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
     let mut text = format!(
-        "{}: {} limbs, {r} angular and {p} prismatic joints, {} actuated\n{} postures, {} readings; {}: {} after {} iterations\n\n",
+        "{}: {}, {r} angular and {p} prismatic joints, {} actuated\n{}, {} readings; {}: {} ({})\n\n",
         problem.name,
-        mechanism.limbs.len(),
+        counted(mechanism.limbs.len(), "limb"),
         mechanism.actuator_count(),
-        taking_part,
+        counted(taking_part, "posture"),
         found.rows,
         found.report.identifier,
         found.report.outcome,
-        found.trace.len(),
+        counted(found.trace.len(), "iteration"),
     );
     if let Some(counts) = found.counts() {
         let nominal = found.nominal.as_ref().map_or(counts, |v| v.counts);
@@ -103,15 +115,8 @@ pub fn summary(of: &Summary<'_>) -> String {
     let metres = |v: Option<f64>| v.map_or("-".into(), |v| digits(problem.units.from_metres(v)));
     let radians = |v: Option<f64>| v.map_or("-".into(), |v| digits(problem.units.from_radians(v)));
     let (before, after) = ("before", "after");
-    for (name, when, fit) in [
-        ("training", before, found.fit.0),
-        ("", after, found.fit.1),
-        ("hold-out", before, of.holdout.0),
-        ("", after, of.holdout.1),
-        ("left out", after, of.cross_validation.map(|cross| cross.fit)),
-    ] {
-        let Some(fit) = fit else { continue };
-        text.push_str(&format!(
+    let line = |name: &str, when: &str, fit: Fit| {
+        format!(
             "{:10} {:9} {:>12} {:>12} {:>12} {:>12} {:>9}\n",
             name,
             when,
@@ -120,7 +125,17 @@ pub fn summary(of: &Summary<'_>) -> String {
             radians(fit.rotation.map(|r| r.rms)),
             radians(fit.rotation.map(|r| r.max)),
             digits(fit.weighted_rms),
-        ));
+        )
+    };
+    let none = |when: &str| format!("{0:10} {when:9}{1:>13}{1:>13}{1:>13}{1:>13}{1:>10}\n", "", "-");
+    for (name, pair) in [("training", of.reached(found.fit)), ("hold-out", of.reached(of.holdout))] {
+        if pair.0.or(pair.1).is_some() {
+            text.push_str(&pair.0.map_or_else(|| none(before), |fit| line(name, before, fit)));
+            text.push_str(&pair.1.map_or_else(|| none(after), |fit| line("", after, fit)));
+        }
+    }
+    if let Some(cross) = of.cross_validation {
+        text.push_str(&line("left out", after, cross.fit));
     }
     if let Some(cross) = of.cross_validation {
         text.push_str(&format!(

@@ -1,8 +1,11 @@
-//! What deserves attention in a result.
+//! What deserves attention after an identification, in words.
 
 use super::details::{SHOWN, digits};
 use super::summary::Summary;
+use super::wording::{counted, listed};
 use crate::identify::Verdict;
+use crate::identify::run::NearSingular;
+use crate::solve::{ActiveBound, Outcome};
 
 /// Tolerances beyond which a deviation is remarked on.
 const FAR_OFF: f64 = 10.0;
@@ -12,29 +15,53 @@ impl Summary<'_> {
     pub fn warnings(&self) -> Vec<String> {
         let found = self.found;
         let mut warnings = Vec::new();
+        let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
         if !found.report.outcome.converged() {
-            warnings.push(format!("not converged: {}", found.report.outcome));
+            let hint = match found.report.outcome {
+                Outcome::OutOfIterations => {
+                    "; tolerances far looser than the machine, or \"free\" links limb by limb, leave valleys that \
+                     take many steps: state what is known"
+                }
+                _ => "",
+            };
+            warnings.push(format!("not converged: {}{hint}", found.report.outcome));
         }
         if !found.set_aside.is_empty() {
             let names: Vec<&str> = found.set_aside.iter().map(|s| s.name.as_str()).collect();
-            warnings.push(format!("{} postures took no part: {}", names.len(), names.join(", ")));
+            let postures = counted(names.len(), "posture");
+            warnings.push(format!("{postures} took no part: {}", names.join(", ")));
         }
         let left_out = |name: &str| found.set_aside.iter().any(|s| s.name == name);
         let at_start = found.set_aside_at_start.iter().map(|s| s.name.as_str());
         let taken_back: Vec<&str> = at_start.filter(|name| !left_out(name)).collect();
         if !taken_back.is_empty() {
             warnings.push(format!(
-                "{} postures that the nominal machine cannot reach were set aside at first and taken back: {}",
-                taken_back.len(),
+                "{} that the nominal machine cannot reach {} set aside at first and taken back: {}",
+                counted(taken_back.len(), "posture"),
+                if taken_back.len() == 1 { "was" } else { "were" },
                 taken_back.join(", ")
             ));
         }
-        let scored = self.holdout.1.map_or(0, |fit| fit.samples);
-        if scored < self.held_out {
+        if !self.holdout_set_aside.is_empty() {
+            let names: Vec<&str> = self.holdout_set_aside.iter().map(|s| s.name.as_str()).collect();
             warnings.push(format!(
-                "{} of {} hold-out postures do not close with the result and are not scored",
-                self.held_out - scored,
-                self.held_out
+                "hold-out: {} not scored, whose loops do not close with the result: {}",
+                counted(names.len(), "posture"),
+                listed(&names)
+            ));
+        }
+        if 2 * self.repeated > taking_part {
+            warnings.push(format!(
+                "{} of {} repeat the readings of another: they tell of the noise, not of the machine; measure other postures",
+                self.repeated,
+                counted(taking_part, "posture"),
+            ));
+        }
+        if !self.shared.is_empty() {
+            warnings.push(format!(
+                "{} of the training stand in the hold-out, too, which then proves nothing of them: {}",
+                counted(self.shared.len(), "sample"),
+                listed(&self.shared)
             ));
         }
         if !self.out_of_range.is_empty() {
@@ -54,7 +81,8 @@ impl Summary<'_> {
             let worst = found.outliers.iter().take(SHOWN);
             let names: Vec<String> =
                 worst.map(|o| format!("{} ({} times the noise)", o.name, digits(o.weighted_rms))).collect();
-            warnings.push(format!("{} postures stand out: {}", found.outliers.len(), names.join(", ")));
+            let (postures, verb) = (counted(names.len().max(found.outliers.len()), "posture"), "stand out");
+            warnings.push(format!("{postures} {verb}: {}", names.join(", ")));
         }
         let bounded = found.start.limbs.iter().flat_map(|limb| &limb.links).any(|link| link.bounds.is_some());
         if bounded && !self.identifier.settings().iter().any(|(key, _)| *key == "bounds") {
@@ -63,16 +91,25 @@ impl Summary<'_> {
                 found.report.identifier
             ));
         }
-        for near in &found.near_singular {
+        let regularity = |near: &NearSingular| near.singular_values[5] / near.singular_values[0];
+        let mut near: Vec<&NearSingular> = found.near_singular.iter().collect();
+        near.sort_by(|a, b| regularity(a).total_cmp(&regularity(b)));
+        if !near.is_empty() {
+            let worst = near.iter().take(SHOWN);
+            let names: Vec<String> = worst
+                .map(|n| format!("{} ({:.2e} to {:.2e})", n.name, n.singular_values[0], n.singular_values[5]))
+                .collect();
+            let what = if near.len() > 1 { "nearly singular, the worst" } else { "nearly singular" };
             warnings.push(format!(
-                "{} is nearly singular: the wrench matrix has singular values {:.2e} to {:.2e}",
-                near.name, near.singular_values[0], near.singular_values[5]
+                "{} {what} by the singular values of the wrench matrix: {}",
+                counted(near.len(), "posture"),
+                names.join(", ")
             ));
         }
         if !found.other_mode.is_empty() {
             warnings.push(format!(
-                "{} postures were measured in another assembly mode than that of home, which predictions follow: {}",
-                found.other_mode.len(),
+                "{} measured in another assembly mode than that of home, which predictions follow: {}",
+                counted(found.other_mode.len(), "posture"),
                 found.other_mode.join(", ")
             ));
         }
@@ -95,11 +132,17 @@ impl Summary<'_> {
         {
             warnings.push(test.sentence());
         }
-        for bound in &found.report.active {
+        let mut active: Vec<&ActiveBound> = found.report.active.iter().collect();
+        active.sort_by(|a, b| b.multiplier.total_cmp(&a.multiplier).then_with(|| a.name.cmp(&b.name)));
+        for bound in active.iter().take(SHOWN) {
             warnings.push(format!(
                 "{} is at its bound of {:.3} tolerances (multiplier {:.3e})",
                 bound.name, bound.limit, bound.multiplier
             ));
+        }
+        if active.len() > SHOWN {
+            let more = counted(active.len() - SHOWN, "further component");
+            warnings.push(format!("{more} at their bounds, with smaller multipliers: see active_bounds"));
         }
         warnings
     }

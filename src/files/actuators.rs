@@ -10,6 +10,7 @@ use super::problem::Model;
 use super::readings::variables;
 use super::table::{self, OtherColumns, PoseColumns, TableRequest};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use std::io;
 use std::path::Path;
 
@@ -24,10 +25,29 @@ pub struct ActuatorRow {
     pub variables: Vec<f64>,
 }
 
+/// `samples` by itself, or a problem file with samples in its `data`; the rest of that is left aside.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ActuatorFile {
-    samples: Vec<Readings>,
+    samples: Option<Vec<Readings>>,
+    data: Option<ProblemData>,
+    #[serde(rename = "format")]
+    _format: Option<IgnoredAny>,
+    #[serde(rename = "name")]
+    _name: Option<IgnoredAny>,
+    #[serde(rename = "description")]
+    _description: Option<IgnoredAny>,
+    #[serde(rename = "units")]
+    _units: Option<IgnoredAny>,
+    #[serde(rename = "mechanism")]
+    _mechanism: Option<IgnoredAny>,
+    #[serde(rename = "truth")]
+    _truth: Option<IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+struct ProblemData {
+    samples: Option<Vec<Readings>>,
 }
 
 /// Other keys are left aside, so that measured samples and predicted poses can be read too.
@@ -71,12 +91,16 @@ fn is_json(path: &Path, bytes: &[u8]) -> bool {
 fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
     let content: ActuatorFile = json::parse(file, bytes)?;
     let whole = Place::file(file);
-    let list = whole.key("samples");
-    if content.samples.is_empty() {
+    let data = whole.key("data");
+    let (list, samples) = match (content.samples, content.data) {
+        (None, Some(stated)) => (data.key("samples"), stated.samples.unwrap_or_default()),
+        (samples, _) => (whole.key("samples"), samples.unwrap_or_default()),
+    };
+    if samples.is_empty() {
         return Err(list.error(Fault::NoRows(String::new())));
     }
-    let mut rows = Vec::with_capacity(content.samples.len());
-    for (i, sample) in content.samples.into_iter().enumerate() {
+    let mut rows = Vec::with_capacity(samples.len());
+    for (i, sample) in samples.into_iter().enumerate() {
         let name = format!("sample {}", i + 1);
         let entry = list.index(i);
         let here = entry.named(&name);

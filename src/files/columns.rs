@@ -3,7 +3,7 @@
 use super::error::{FileError, quoted};
 use super::fault::Fault;
 use super::place::Place;
-use super::table::{PoseColumns, TableRequest};
+use super::table::{OtherColumns, PoseColumns, TableRequest};
 use serde::{Deserialize, Serialize};
 
 const POSITION: [&str; 3] = ["x", "y", "z"];
@@ -58,6 +58,27 @@ impl ColumnsDrawing {
     /// Whether no column of a pose has a name of its own.
     fn names_no_pose(&self) -> bool {
         self.position.is_none() && self.rotation.is_none() && self.quaternion.is_none()
+    }
+
+    /// Refuses a column that is to hold two values.
+    fn check_distinct(&self, at: &Place<'_>) -> Result<(), FileError> {
+        let mut named: Vec<&String> = self
+            .actuators
+            .iter()
+            .flatten()
+            .chain(self.position.iter().flatten())
+            .chain(self.rotation.iter().flatten())
+            .chain(self.quaternion.iter().flatten())
+            .chain(self.second.iter().flatten())
+            .chain(self.joints.iter().flatten())
+            .chain([&self.distance, &self.height, &self.target].into_iter().flatten())
+            .chain([&self.point, &self.plane, &self.gauge].into_iter().flatten())
+            .collect();
+        named.sort_unstable();
+        match named.windows(2).find(|pair| pair.first() == pair.last()).and_then(<[_]>::first) {
+            Some(twice) => Err(at.error(Fault::ColumnTwice(quoted(twice)))),
+            None => Ok(()),
+        }
     }
 }
 
@@ -233,12 +254,18 @@ impl Layout {
             return Err(at.error(Fault::TwoColumns(quoted(name))));
         }
         let header = Header { names, at };
+        if let Some(columns) = request.columns {
+            columns.check_distinct(at)?;
+        }
         let mut layout = Layout { actuators: header.actuators(request)?, ..Layout::default() };
         for (name, text) in request.filter.into_iter().flatten() {
             layout.filter.push((header.need(name)?, text.clone()));
         }
         header.others(request, &mut layout)?;
-        if request.columns.is_none() {
+        // Where only readings are wanted, other columns do no harm.
+        let only_readings =
+            request.poses == PoseColumns::Ignored && request.others == OtherColumns::default();
+        if request.columns.is_none() && !only_readings {
             header.check_known(&layout)?;
         }
         if request.poses == PoseColumns::Ignored {

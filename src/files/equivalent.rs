@@ -96,6 +96,7 @@ impl JointDrawing {
     /// Advance of a helical joint, m per rad.
     fn advance(&self, kind: &Kind, units: Units, at: &Place<'_>) -> Result<f64, FileError> {
         match (kind.has_pitch(), self.pitch) {
+            (true, Some(0.0)) => Err(at.key("pitch").error(Fault::ZeroPitch)),
             (true, Some(pitch)) => Ok(units.length(pitch, &at.key("pitch"))? / TAU),
             (true, None) => Err(at.error(Fault::NoPitch(kind.name))),
             (false, Some(_)) => Err(at.key("pitch").error(Fault::Pitch(kind.name))),

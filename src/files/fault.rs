@@ -30,8 +30,14 @@ pub enum Fault {
     Huge { value: f64, limit: f64, unit: &'static str },
     #[error("{0} is negative; give a standard deviation, 0 to hold the link, or \"free\"")]
     NegativeTolerance(f64),
+    #[error(
+        "{value:e} {unit} is too small for a tolerance; give at least {least:e} {unit}, or 0 to hold the link"
+    )]
+    SmallTolerance { value: f64, least: f64, unit: &'static str },
     #[error("{0} is negative; give the largest size that a component may have")]
     NegativeBound(f64),
+    #[error("bounds on a link that is held (tolerance 0): remove them, or give it a tolerance")]
+    BoundsOnHeld,
 
     #[error("there is no limb; draw at least one")]
     NoLimb,
@@ -53,6 +59,8 @@ pub enum Fault {
     ZeroAxis,
     #[error("a {0} joint needs \"pitch\", its advance per revolution")]
     NoPitch(&'static str),
+    #[error("the pitch is zero; a helical joint without advance is a revolute joint")]
+    ZeroPitch,
     #[error("a {0} joint has no pitch; remove it, or make the joint helical")]
     Pitch(&'static str),
     #[error("{found} values for the {wanted} axes of this joint; give one per axis, in chain order")]
@@ -75,6 +83,8 @@ pub enum Fault {
          \"kind\": \"position\" in data where it never was"
     )]
     NoRotation,
+    #[error("no rotation; a drawn pose needs \"rotation\" or \"quaternion\"")]
+    NoDrawnRotation,
     #[error("both rotation and quaternion given; remove one")]
     TwoRotations,
     #[error("a component is missing; this pose needs all of them")]
@@ -94,6 +104,8 @@ pub enum Fault {
     ActuatorCount { found: usize, wanted: usize, names: String },
     #[error("{0} is no noise; give a positive standard deviation")]
     Noise(f64),
+    #[error("{value:e} {unit} is too small for a noise; give at least {least:e} {unit}")]
+    SmallNoise { value: f64, least: f64, unit: &'static str },
     #[error("noise of a measured {kind} needs \"{key}\", a positive standard deviation")]
     NoiseMissing { kind: &'static str, key: &'static str },
     #[error("both noise and covariance given; remove one")]
@@ -154,6 +166,8 @@ pub enum Fault {
     NoColumn { wanted: String, found: String },
     #[error("two columns are called {0}")]
     TwoColumns(String),
+    #[error("the column {0} is named twice; each value has a column of its own")]
+    ColumnTwice(String),
     #[error("unknown column {found}; {expected}")]
     UnknownColumn { found: String, expected: String },
     #[error("{found} cells where the header has {wanted}")]

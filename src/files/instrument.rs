@@ -242,7 +242,7 @@ impl Instrument {
         let of_zero = length_prior(drawn.zero_tolerance, units, &at.key("zero_tolerance"))?;
         let of_scale = match drawn.scale_tolerance {
             None => Prior::Held,
-            Some(spread) => prior(spread, |v, at| limited(v, "", at), &at.key("scale_tolerance"))?,
+            Some(spread) => prior(spread, |v, at| limited(v, "", at), "", &at.key("scale_tolerance"))?,
         };
         let element = format!("gauge {name}");
         let zero_constant = self.constant(&element, "zero", Quantity::Length, zero, (of_zero, None));
@@ -254,7 +254,7 @@ impl Instrument {
 fn length_prior(spread: Option<Spread>, units: Units, at: &Place<'_>) -> Result<Prior, FileError> {
     match spread {
         None => Ok(Prior::Held),
-        Some(spread) => prior(spread, |v, at| units.length(v, at), at),
+        Some(spread) => prior(spread, |v, at| units.length(v, at), "m", at),
     }
 }
 

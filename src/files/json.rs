@@ -45,6 +45,8 @@ pub fn parse<T: DeserializeOwned>(file: &str, bytes: &[u8]) -> Result<T, FileErr
             path => path,
         };
         let inner = error.into_inner();
+        // Where the syntax breaks off there is no key yet: the line and column in the message say where.
+        let path = path.strip_suffix(".?").or(path.strip_suffix('?')).map_or(path.clone(), str::to_owned);
         let mut located = Place::file(file).error(match inner.classify() {
             Category::Data => Fault::Schema(inner.to_string()),
             Category::Syntax | Category::Eof | Category::Io => Fault::NotJson(inner.to_string()),

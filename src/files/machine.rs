@@ -44,6 +44,15 @@ impl Stated {
         })
     }
 
+    /// Refuses bounds stated at `at` for links that are held there or, where nothing is stated, by `general`.
+    fn check_held(self, general: Self, prefix: &str, at: &Place<'_>) -> Result<Self, FileError> {
+        let held = |t: Tolerance| t.angle == Prior::Held && t.length == Prior::Held;
+        if self.bounds.is_some() && self.tolerance.or(general.tolerance).is_some_and(held) {
+            return Err(at.key(&format!("{prefix}bounds")).error(Fault::BoundsOnHeld));
+        }
+        Ok(self)
+    }
+
     fn or(self, general: Self) -> Self {
         Self { tolerance: self.tolerance.or(general.tolerance), bounds: self.bounds.or(general.bounds) }
     }
@@ -109,6 +118,7 @@ impl LimbDrawing {
         let links =
             Stated::read(self.tolerance.as_ref(), self.bounds.as_ref(), "", units, at)?.or(general.links);
         let last = Stated::read(self.tool_tolerance.as_ref(), self.tool_bounds.as_ref(), "tool_", units, at)?
+            .check_held(general.last.or(links), "tool_", at)?
             .or(general.last)
             .or(links);
         let list = at.key("joints");
@@ -124,7 +134,7 @@ impl LimbDrawing {
             let entry = list.index(j);
             let here = entry.named(&full);
             check_name(&own, &mut drawn, &here)?;
-            let (first, inner) = drawing.stated(units, &here)?;
+            let (first, inner) = drawing.stated(links, units, &here)?;
             for (k, joint) in drawing.equivalents(&own, units, &here)?.into_iter().enumerate() {
                 check_name(&joint.name, &mut names, &here)?;
                 let stated = if k == 0 { first } else { inner };
@@ -139,11 +149,11 @@ impl LimbDrawing {
 
 impl JointDrawing {
     /// What is stated of the link before the joint, and of those between its axes.
-    fn stated(&self, units: Units, at: &Place<'_>) -> Result<(Stated, Stated), FileError> {
+    fn stated(&self, general: Stated, units: Units, at: &Place<'_>) -> Result<(Stated, Stated), FileError> {
         let first = Stated::read(self.tolerance.as_ref(), self.bounds.as_ref(), "", units, at)?;
         let inner =
             Stated::read(self.inner_tolerance.as_ref(), self.inner_bounds.as_ref(), "inner_", units, at)?;
-        Ok((first, inner))
+        Ok((first.check_held(general, "", at)?, inner.check_held(general, "inner_", at)?))
     }
 }
 

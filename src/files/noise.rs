@@ -77,18 +77,31 @@ pub(super) fn read_noise(
             let missing = |key| here.error(Fault::NoiseMissing { kind: needs.kind, key });
             // What is not measured has no noise that has a part in anything.
             let length = match length {
-                Some(length) => units.length(positive(*length, &here.key("length"))?, &here.key("length"))?,
+                Some(length) => {
+                    let at = here.key("length");
+                    large_enough(units.length(positive(*length, &at)?, &at)?, "m", &at)?
+                }
                 None if needs.length => return Err(missing("length")),
                 None => 1.0,
             };
             let angle = match angle {
-                Some(angle) => units.angle(positive(*angle, &here.key("angle"))?, &here.key("angle"))?,
+                Some(angle) => {
+                    let at = here.key("angle");
+                    large_enough(units.angle(positive(*angle, &at)?, &at)?, "rad", &at)?
+                }
                 None if needs.angle => return Err(missing("angle")),
                 None => 1.0,
             };
             Ok(Some(isotropic(angle, length)))
         }
     }
+}
+
+/// Smallest standard deviation, rad or m: below the rounding of a pose of 1 m.
+const LEAST: f64 = 1e-18;
+
+fn large_enough(value: f64, unit: &'static str, at: &Place<'_>) -> Result<f64, FileError> {
+    if value >= LEAST { Ok(value) } else { Err(at.error(Fault::SmallNoise { value, least: LEAST, unit })) }
 }
 
 fn positive(sigma: f64, at: &Place<'_>) -> Result<f64, FileError> {

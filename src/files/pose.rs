@@ -51,6 +51,9 @@ impl PoseDrawing {
 
     /// The pose, all of it, in rad and m.
     pub(super) fn complete(&self, units: Units, at: &Place<'_>) -> Result<Se3, FileError> {
+        if self.rotation.is_none() && self.quaternion.is_none() {
+            return Err(at.error(Fault::NoDrawnRotation));
+        }
         let seen = self.components(units, at)?;
         if seen.rotation && seen.position == [true; 3] {
             Ok(seen.pose)

@@ -56,6 +56,9 @@ pub struct ResultFile {
     /// Samples that took no part.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set_aside: Vec<SetAsideEntry>,
+    /// Samples of the hold-out that are not scored.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub holdout_set_aside: Vec<SetAsideEntry>,
     /// Limits that hold with equality.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub active_bounds: Vec<ActiveBoundEntry>,

@@ -7,7 +7,7 @@ use super::fault::Fault;
 use super::place::Place;
 use super::pose::PoseDrawing;
 use csv::StringRecord;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Which parts of poses a table must hold.
@@ -37,7 +37,7 @@ pub struct TableRequest<'a> {
 }
 
 /// Columns that further kinds of measurement read.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OtherColumns<'a> {
     /// Actuators of a second posture.
     pub second: bool,
@@ -72,6 +72,9 @@ pub struct TableRow {
     pub names: [Option<String>; 4],
 }
 
+/// Values of a column that a message lists.
+const VALUES: usize = 10;
+
 /// The bytes of a CSV file. What cannot be a table is refused before the rest is read.
 pub fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     let name = path.display().to_string();
@@ -87,12 +90,16 @@ pub fn parse(file: &str, bytes: &[u8], request: &TableRequest<'_>) -> Result<Vec
     let header = reader.headers().map_err(|why| whole.error(Fault::Table(why.to_string())))?.clone();
     let layout = Layout::find(header.iter().collect(), request, &whole.line(1))?;
     let mut rows = Vec::new();
+    let mut met: Vec<BTreeSet<String>> = vec![BTreeSet::new(); layout.filter.len()];
     let mut record = StringRecord::new();
     while reader.read_record(&mut record).map_err(|why| whole.error(Fault::Table(why.to_string())))? {
         let line = lines.of(record.position().map_or(0, csv::Position::byte));
         let row = Row { header: &header, record: &record, at: whole.line(line) };
         if record.len() != header.len() {
             return Err(row.at.error(Fault::CellCount { found: record.len(), wanted: header.len() }));
+        }
+        for (values, (column, _)) in met.iter_mut().zip(&layout.filter) {
+            values.insert(record.get(*column).unwrap_or_default().to_owned());
         }
         if layout.filter.iter().all(|(column, text)| record.get(*column) == Some(text.as_str())) {
             rows.push(TableRow {
@@ -112,7 +119,13 @@ pub fn parse(file: &str, bytes: &[u8], request: &TableRequest<'_>) -> Result<Vec
             request.filter.into_iter().flatten().map(|(name, text)| format!("{name} = {text}")).collect();
         let with =
             if conditions.is_empty() { String::new() } else { format!(" with {}", conditions.join(", ")) };
-        return Err(whole.error(Fault::NoRows(with)));
+        let held = |((name, _), values): ((&String, &String), &BTreeSet<String>)| {
+            let shown: Vec<String> = values.iter().take(VALUES).map(|value| quoted(value)).collect();
+            let more = if values.len() > VALUES { ", ..." } else { "" };
+            format!("; {name} holds {}{more}", shown.join(", "))
+        };
+        let values: String = request.filter.into_iter().flatten().zip(&met).map(held).collect();
+        return Err(whole.error(Fault::NoRows(with + &values)));
     }
     Ok(rows)
 }

@@ -130,22 +130,27 @@ impl ToleranceDrawing {
 
     pub(super) fn read(&self, units: Units, at: &Place<'_>) -> Result<Tolerance, FileError> {
         Ok(Tolerance {
-            angle: prior(self.angle, |v, at| units.angle(v, at), &at.key("angle"))?,
-            length: prior(self.length, |v, at| units.length(v, at), &at.key("length"))?,
+            angle: prior(self.angle, |v, at| units.angle(v, at), "rad", &at.key("angle"))?,
+            length: prior(self.length, |v, at| units.length(v, at), "m", &at.key("length"))?,
         })
     }
 }
 
+/// Smallest tolerance, rad or m: an atom is 1e-10 m wide, and coordinates are divided by it.
+const LEAST: f64 = 1e-12;
+
 pub(super) fn prior(
     spread: Spread,
     convert: impl Fn(f64, &Place<'_>) -> Result<f64, FileError>,
+    unit: &'static str,
     at: &Place<'_>,
 ) -> Result<Prior, FileError> {
     match spread {
         Spread::Free => Ok(Prior::Free),
         Spread::Sigma(sigma) if sigma < 0.0 => Err(at.error(Fault::NegativeTolerance(sigma))),
         Spread::Sigma(sigma) => match convert(sigma, at)? {
-            0.0 => Ok(Prior::Held),
+            0.0 if sigma == 0.0 => Ok(Prior::Held),
+            value if value < LEAST => Err(at.error(Fault::SmallTolerance { value, least: LEAST, unit })),
             sigma => Ok(Prior::Sigma(sigma)),
         },
     }

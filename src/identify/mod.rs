@@ -1,6 +1,7 @@
 //! From measurements to a calibrated machine: registration, identification, scores and counts.
 
 pub mod analysis;
+pub mod common_axis;
 pub mod counts;
 pub mod covariance;
 pub mod cross_validation;

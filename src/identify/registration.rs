@@ -2,8 +2,10 @@
 //!
 //! `measured_k = X g_k Y` over predicted poses `g_k`. Rotation of X from relative rotations (Park & Martin, IEEE
 //! Trans. Robotics and Automation 10(5), 1994), then Y's rotation, then both translations by linear least
-//! squares. With positions only see [`super::targets`]; fixed points and planes are placed by [`super::references`].
+//! squares; where all rotations share an axis, [`super::common_axis`]. With positions only see [`super::targets`]; fixed
+//! points and planes are placed by [`super::references`].
 
+use super::common_axis::placed;
 use super::references::place_references;
 use super::targets::place_targets;
 use crate::calibration::{Sample, close_at};
@@ -109,7 +111,10 @@ fn from_poses(predicted: &[Se3], measured: &[Se3], free: FreeEnds) -> Option<(Se
                 }
             }
         }
-        nearest_rotation(&sum)?
+        match nearest_rotation(&sum) {
+            Some(rotation) => rotation,
+            None => return placed(predicted, measured, &sum),
+        }
     } else if free.base {
         nearest_rotation(&predicted.iter().zip(measured).map(|(g, m)| m.r * g.r.transpose()).sum())?
     } else {
@@ -147,7 +152,7 @@ fn from_poses(predicted: &[Se3], measured: &[Se3], free: FreeEnds) -> Option<(Se
 }
 
 /// The rotation `R` that maximises `tr(R' sum)`; `None` where two singular values vanish and it is not unique.
-fn nearest_rotation(sum: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+pub(super) fn nearest_rotation(sum: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let svd = sum.svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
     let mut s = svd.singular_values;

@@ -135,7 +135,8 @@ pub fn identify(
     let mut report;
     let mut round = 0;
     loop {
-        report = identifier.identify(&problem, &x, stop);
+        let left = stop.iterations.saturating_sub(trace.len());
+        report = identifier.identify(&problem, &x, &Stop { iterations: left, ..*stop });
         trace.extend_from_slice(&report.trace);
         round += 1;
         if !report.cost.is_finite() || !report.x.iter().all(|v| v.is_finite()) {
@@ -146,7 +147,8 @@ pub fn identify(
         let before: Vec<usize> = problem.set_aside().iter().map(|s| s.sample).collect();
         problem.take_back(samples_in_form, &at, 0.0);
         let same = problem.set_aside().iter().map(|s| s.sample).eq(before);
-        if same || round == ROUNDS || problem.sample_count() == 0 {
+        let exhausted = trace.len() >= stop.iterations;
+        if same || exhausted || round == ROUNDS || problem.sample_count() == 0 {
             break;
         }
     }

@@ -1,6 +1,6 @@
 //! How well a geometry predicts measured postures.
 
-use crate::calibration::{Postures, Sample};
+use crate::calibration::{Postures, Sample, SetAside};
 use crate::measure::{Errors, Evaluation};
 use crate::model::{Geometry, Mechanism};
 use rayon::prelude::*;
@@ -73,6 +73,15 @@ pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) 
     let median = found.get(found.len() / 2).map_or(0.0, |outlier| outlier.weighted_rms);
     found.retain(|outlier| outlier.weighted_rms > OUTLYING * median.max(1.0));
     found
+}
+
+/// The samples whose loops do not close with the geometry, and why: those that [`score`] leaves out.
+pub fn set_aside(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Vec<SetAside> {
+    let open = |(index, sample): (usize, &Sample)| {
+        let reason = sample.close_all(mechanism, geometry, &mut Postures::new(mechanism)).err()?;
+        Some(SetAside { sample: index, name: sample.name.clone(), reason })
+    };
+    samples.par_iter().enumerate().filter_map(open).collect()
 }
 
 /// Scores the geometry; `None` where no sample closes.

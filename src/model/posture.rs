@@ -24,7 +24,7 @@ const SINGULAR: f64 = 1e-9;
 pub enum NotClosed {
     /// Newton's method ended with the limbs apart.
     #[error(
-        "the limbs do not meet: {rotation:.3e} rad and {translation:.3e} m apart after {iterations} iterations"
+        "the limbs do not meet: {rotation:.3e} rad and {translation:.3e} m apart ({iterations} Newton steps)"
     )]
     Apart {
         /// Largest rotation between two limbs' tools, rad.

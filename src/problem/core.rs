@@ -5,6 +5,7 @@
 
 use crate::linalg;
 use faer::Mat;
+use std::ops::Range;
 
 /// The coordinates and weights in which an identifier wants its problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -39,6 +40,13 @@ pub struct Group {
     pub name: String,
     /// Indices into `x`.
     pub members: Vec<usize>,
+}
+
+impl Group {
+    /// Euclidean length of the group's part of `x`.
+    pub fn length(&self, x: &[f64]) -> f64 {
+        self.members.iter().map(|&i| x[i] * x[i]).sum::<f64>().sqrt()
+    }
 }
 
 /// Residual and Jacobian at one point, computed in one pass.
@@ -107,6 +115,12 @@ pub trait Problem: Sync {
     fn gradient(&self, x: &[f64]) -> Result<(f64, Vec<f64>), EvalError> {
         let lin = self.linearize(x)?;
         Ok((cost(&lin.r), linalg::mul_transpose(lin.jac.as_ref(), &lin.r)))
+    }
+
+    /// Rows that were measured together and share what is wrong with them: those of one sample, in order, one range
+    /// each. Empty where every row stands for itself.
+    fn blocks(&self) -> Vec<Range<usize>> {
+        Vec::new()
     }
 
     /// Problems on disjoint coordinates whose solutions together solve this one to first order, where it falls apart

@@ -1,4 +1,4 @@
-//! A problem with the tolerance's prior where the data know less than it, as the default identifier has it.
+//! A problem with a prior is again a problem: rows of the prior below the residual.
 
 use super::identifier::Stop;
 use super::report::{Failure, Report};
@@ -6,10 +6,9 @@ use super::split::prior_weight;
 use crate::linalg;
 use crate::problem::{Compressed, EvalError, Group, Linearized, Param, Problem, cost};
 use faer::Mat;
+use std::ops::Range;
 
-/// `min |r(x)|^2 / 2 + |A'x|^2 / 2`, the columns of `A` the directions whose signal-to-noise ratio is low, times the
-/// root of [`prior_weight`]: without them flat valleys of a machine are followed for hundreds of steps that mean
-/// nothing (docs/theory.md section 6).
+/// `min |r(x)|^2 / 2 + |A'x|^2 / 2`.
 pub struct Anchored<'p> {
     inner: &'p dyn Problem,
     /// `A'`, one row a direction.
@@ -21,7 +20,17 @@ pub struct Anchored<'p> {
 const SPLITS: usize = 4;
 
 impl<'p> Anchored<'p> {
-    /// Anchors by the singular values at `here`, in units of `threshold`; `None` where they cannot be had.
+    /// A ridge: every coordinate anchored with `weight` (dimensionless: x counts in tolerances, r in standard
+    /// deviations).
+    pub fn ridge(inner: &'p dyn Problem, weight: f64) -> Self {
+        let n = inner.params().len();
+        let root = weight.max(0.0).sqrt();
+        Self { inner, rows: Mat::from_fn(n, n, |i, j| if i == j { root } else { 0.0 }), kept: 0 }
+    }
+
+    /// The columns of `A` are the directions whose singular value at `here` is low, in units of `threshold`, times
+    /// the root of [`prior_weight`]: without them flat valleys of a machine are followed for hundreds of steps that
+    /// mean nothing (docs/theory.md section 6). `None` where singular values cannot be had.
     pub fn at(inner: &'p dyn Problem, here: &Compressed, threshold: f64) -> Option<Self> {
         let svd = linalg::svd(here.jac.as_ref())?;
         let n = here.jac.ncols();
@@ -78,6 +87,10 @@ impl Problem for Anchored<'_> {
         let (jac, r) = self.extend(&here.jac, here.r, x);
         let prior = cost(&linalg::mul(self.rows.as_ref(), x));
         Ok(Compressed { cost: here.cost + prior, ..linalg::compress(&jac, &r) })
+    }
+
+    fn blocks(&self) -> Vec<Range<usize>> {
+        self.inner.blocks()
     }
 
     fn redundant(&self, x: &[f64]) -> Mat<f64> {

@@ -3,7 +3,7 @@
 use super::identifier::{Identifier, Stop};
 use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
 use crate::linalg::{self, norm};
-use crate::problem::{Compressed, Form, Problem, cost};
+use crate::problem::{Form, Problem, cost};
 
 /// Full steps `-J^+ r` with a pseudo-inverse at machine precision: what is done where no minimal model is at hand.
 ///
@@ -40,7 +40,8 @@ impl Identifier for Complete {
                 report.outcome = Outcome::Converged(Criterion::Zero);
                 return report;
             }
-            let Some(step) = pseudo_inverse_step(&here) else {
+            let rounding = f64::EPSILON * here.jac.ncols() as f64;
+            let Some(step) = linalg::pseudo_inverse_step(here.jac.as_ref(), &here.r, rounding) else {
                 return report.fail(Failure::Diverged);
             };
             let length = norm(&step);
@@ -63,17 +64,4 @@ impl Identifier for Complete {
         }
         report
     }
-}
-
-/// `-J^+ r` with singular values below `eps n s_max` taken as zero; `None` where `J` is not finite.
-fn pseudo_inverse_step(here: &Compressed) -> Option<Vec<f64>> {
-    let svd = linalg::svd(here.jac.as_ref())?;
-    let smallest = f64::EPSILON * here.jac.ncols() as f64 * svd.s.first().copied().unwrap_or(0.0);
-    let mut along = linalg::mul_transpose(svd.u.as_ref(), &here.r);
-    for (a, s) in along.iter_mut().zip(&svd.s) {
-        *a = if *s > smallest { -*a / s } else { 0.0 };
-    }
-    along.resize(here.jac.ncols(), 0.0);
-    let step = linalg::mul(svd.v.as_ref(), &along);
-    step.iter().all(|v| v.is_finite()).then_some(step)
 }

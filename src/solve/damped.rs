@@ -68,26 +68,14 @@ pub fn damped_step(here: &Compressed, scale: &[f64], damping: f64) -> Option<Dam
     }
     let factor = linalg::upper_factor(augmented.as_mut());
     let mut dx: Vec<f64> = (0..n).map(|i| -factor[(i, n)]).collect();
-    for j in (0..n).rev() {
-        dx[j] /= factor[(j, j)];
-        let xj = dx[j];
-        for (i, x) in dx.iter_mut().enumerate().take(j) {
-            *x -= factor[(i, j)] * xj;
-        }
-    }
-    if dx.iter().any(|v| !v.is_finite()) {
-        return None;
-    }
+    linalg::solve_upper(&factor, &mut dx)?;
     let along = norm(&linalg::mul(here.jac.as_ref(), &dx));
     let scaled: Vec<f64> = dx.iter().zip(scale).map(|(x, d)| x * d).collect();
     let length = norm(&scaled);
     // w = R^-T D^2 dx / |D dx|, then d|D dx|/d damping = -|D dx| |w|^2 (Moré 1978, section 5).
     let mut w: Vec<f64> =
         scaled.iter().zip(scale).map(|(x, d)| x * d / length.max(f64::MIN_POSITIVE)).collect();
-    for j in 0..n {
-        let dot: f64 = (0..j).map(|i| factor[(i, j)] * w[i]).sum();
-        w[j] = (w[j] - dot) / factor[(j, j)];
-    }
+    linalg::solve_upper_transpose(&factor, &mut w)?;
     let slope = w.iter().map(|v| v * v).sum();
     // |r|^2 - |J dx + r|^2 = |J dx|^2 + 2 damping |D dx|^2 at the minimiser: no cancellation (Moré 1978, (4.4)).
     Some(DampedStep {

@@ -1,9 +1,9 @@
 //! `map`: the maximum-a-posteriori estimate, data and stated tolerances together.
 
+use super::anchored::Anchored;
 use super::identifier::{Identifier, SettingError, Stop};
 use super::levenberg::minimise;
 use super::report::{Estimate, Failure, Report};
-use super::ridged::Ridged;
 use super::settings;
 use crate::problem::{Problem, cost};
 
@@ -51,7 +51,7 @@ impl Identifier for Map {
                 "its parameters have no tolerances that could serve as prior".into(),
             ));
         }
-        let found = minimise(&Ridged::new(problem, self.weight), start, stop);
+        let found = minimise(&Anchored::ridge(problem, self.weight), start, stop);
         Report {
             cost: problem.residual(&found.x).map_or(f64::INFINITY, |r| cost(&r)),
             x: found.x,

@@ -24,6 +24,8 @@ pub enum Failure {
     Diverged,
     /// No step, however short, lowers the cost although the gradient is not small.
     NoDescent,
+    /// The steps still lower the merit, but by less than this part of it over the last iterations.
+    Stalled(f64),
     /// The constraints contradict each other; the names of those in conflict.
     Infeasible(Vec<String>),
     /// The inner solver ended with this status.
@@ -64,6 +66,9 @@ impl std::fmt::Display for Outcome {
             }
             Outcome::Failed(Failure::Diverged) => write!(f, "diverged: cost or step grew without limit"),
             Outcome::Failed(Failure::NoDescent) => write!(f, "no step lowers the cost"),
+            Outcome::Failed(Failure::Stalled(part)) => {
+                write!(f, "stalled: the last iterations lowered the merit by less than {part:e} of it")
+            }
             Outcome::Failed(Failure::Infeasible(names)) => {
                 write!(f, "constraints contradict each other: {}", names.join(", "))
             }

@@ -103,25 +103,20 @@ impl Model {
     pub fn fresh_step(&self, damping: f64) -> Option<Vec<f64>> {
         let n = self.scale.len();
         if damping == 0.0 {
-            return solve_upper(&self.factor, n, (0..n).map(|i| self.factor[(i, n)]).collect());
+            return solved(&self.factor, n);
         }
-        let damped = self.damped(damping);
-        solve_upper(&damped, n, (0..n).map(|i| damped[(i, n)]).collect())
+        solved(&self.damped(damping), n)
     }
 
     /// The step at another point `x`, where the gradient of the cost is `gradient`: the exact gradient with the
     /// curvature of the point where the model was made (semi-normal equations).
     pub fn stale_step(&self, x: &[f64], gradient: &[f64], damping: f64) -> Option<Vec<f64>> {
-        let n = x.len();
-        let mut rhs: Vec<f64> =
-            gradient.iter().zip(self.split.pull(x)).map(|(g, pull)| -(g + pull)).collect();
-        if damping == 0.0 {
-            solve_upper_transpose(&self.factor, &mut rhs)?;
-            return solve_upper(&self.factor, n, rhs);
-        }
-        let damped = self.damped(damping);
-        solve_upper_transpose(&damped, &mut rhs)?;
-        solve_upper(&damped, n, rhs)
+        let mut z: Vec<f64> = gradient.iter().zip(self.split.pull(x)).map(|(g, pull)| -(g + pull)).collect();
+        let damped = (damping > 0.0).then(|| self.damped(damping));
+        let factor = damped.as_ref().unwrap_or(&self.factor);
+        linalg::solve_upper_transpose(factor, &mut z)?;
+        linalg::solve_upper(factor, &mut z)?;
+        Some(z)
     }
 
     /// Reduction of the merit that the model promises of `dx`, given the merit's gradient at the point.
@@ -151,33 +146,11 @@ pub fn prior_weight(s: f64) -> f64 {
     ((s.max(1.0).powi(-2) - edge) / (1.0 - edge)).max(0.0)
 }
 
-/// Solves `R z = rhs` with the triangle in the first n columns; `None` where a pivot is zero.
-fn solve_upper(factor: &Mat<f64>, n: usize, mut z: Vec<f64>) -> Option<Vec<f64>> {
-    for j in (0..n).rev() {
-        let pivot = factor[(j, j)];
-        if pivot == 0.0 {
-            return None;
-        }
-        z[j] /= pivot;
-        let zj = z[j];
-        for (zi, f) in z[..j].iter_mut().zip(factor.col(j).iter()) {
-            *zi -= f * zj;
-        }
-    }
-    z.iter().all(|v| v.is_finite()).then_some(z)
-}
-
-/// Solves `R' z = rhs` in place; `None` where a pivot is zero.
-fn solve_upper_transpose(factor: &Mat<f64>, z: &mut [f64]) -> Option<()> {
-    for j in 0..z.len() {
-        let pivot = factor[(j, j)];
-        if pivot == 0.0 {
-            return None;
-        }
-        let known: f64 = z[..j].iter().zip(factor.col(j).iter()).map(|(z, f)| z * f).sum();
-        z[j] = (z[j] - known) / pivot;
-    }
-    Some(())
+/// Solution of the triangular system whose right-hand side is column n of `factor`.
+fn solved(factor: &Mat<f64>, n: usize) -> Option<Vec<f64>> {
+    let mut z: Vec<f64> = (0..n).map(|i| factor[(i, n)]).collect();
+    linalg::solve_upper(factor, &mut z)?;
+    Some(z)
 }
 
 /// Frobenius norm of the inverse of a square factor of `jac` (k x n, k >= n), infinite where it is singular.
@@ -187,19 +160,11 @@ fn inverse_norm(jac: &Mat<f64>) -> f64 {
     let mut square = 0.0;
     let mut column = vec![0.0; n];
     for j in 0..n {
-        // Column j of R^-1 by back substitution.
+        // Column j of R^-1.
         column[..=j].fill(0.0);
         column[j] = 1.0;
-        for i in (0..=j).rev() {
-            let pivot = factor[(i, i)];
-            if pivot == 0.0 {
-                return f64::INFINITY;
-            }
-            column[i] /= pivot;
-            let value = column[i];
-            for (c, f) in column[..i].iter_mut().zip(factor.col(i).iter()) {
-                *c -= f * value;
-            }
+        if linalg::solve_upper(&factor, &mut column[..=j]).is_none() {
+            return f64::INFINITY;
         }
         square += column[..=j].iter().map(|v| v * v).sum::<f64>();
     }

@@ -1,9 +1,9 @@
-//! The iteration (31)-(33) of Chen et al. 2017 to the letter: a reference, not a recommendation.
+//! The iteration (31)-(33) of Chen et al. 2017 without any safeguard: a reference, not a recommendation.
 
 use super::identifier::{Identifier, Stop};
 use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
 use crate::linalg::{self, norm};
-use crate::problem::{Form, Problem, cost};
+use crate::problem::{Compressed, Form, Problem, cost};
 
 /// Full steps `dx = N M (Jp)^+ dY` with bases updated at every iterate; no tolerance, no acceptance test.
 ///
@@ -39,7 +39,7 @@ impl Identifier for Textbook {
                 Ok(here) => here,
                 Err(why) => return report.fail(Failure::Evaluation(why.0)),
             };
-            let Some(step) = pseudo_inverse_step(problem, &report.x, &here) else {
+            let Some(step) = minimal_step(problem, &report.x, &here) else {
                 return report.fail(Failure::Diverged);
             };
             let length = norm(&step);
@@ -69,19 +69,9 @@ impl Identifier for Textbook {
 }
 
 /// `-N M (J N M)^+ r`: the pseudo-inverse on the orthogonal complement of the structural redundancy (31), (32).
-fn pseudo_inverse_step(
-    problem: &dyn Problem,
-    x: &[f64],
-    here: &crate::problem::Compressed,
-) -> Option<Vec<f64>> {
+fn minimal_step(problem: &dyn Problem, x: &[f64], here: &Compressed) -> Option<Vec<f64>> {
     let complement = linalg::complement(problem.redundant(x).as_ref())?;
-    let minimal = &here.jac * &complement;
-    let svd = linalg::svd(minimal.as_ref())?;
-    let smallest = f64::EPSILON * here.jac.ncols() as f64 * svd.s.first().copied().unwrap_or(0.0);
-    let mut along = linalg::mul_transpose(svd.u.as_ref(), &here.r);
-    for (a, s) in along.iter_mut().zip(&svd.s) {
-        *a = if *s > smallest { -*a / s } else { 0.0 };
-    }
-    let z = linalg::mul(svd.v.as_ref(), &along);
+    let rounding = f64::EPSILON * here.jac.ncols() as f64;
+    let z = linalg::pseudo_inverse_step((&here.jac * &complement).as_ref(), &here.r, rounding)?;
     Some(linalg::mul(complement.as_ref(), &z))
 }

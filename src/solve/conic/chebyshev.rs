@@ -1,7 +1,6 @@
 //! The largest residual: the loss of tolerances that must hold everywhere.
 
-use super::here::{Here, Quadratic};
-use super::huber::complement;
+use super::here::{Here, Quadratic, complement};
 use super::loss::{Frame, Loss};
 use super::program::{Owner, Program, Solution};
 
@@ -12,9 +11,24 @@ pub struct Chebyshev;
 /// Excess over the largest written-out residual that calls for another row.
 const EXCESS: f64 = 1e-7;
 
+/// Row and sign of a side: the even ones are the residuals, the odd ones their opposites.
+fn side(index: usize) -> (usize, f64) {
+    (index / 2, if index.is_multiple_of(2) { 1.0 } else { -1.0 })
+}
+
+/// Value of a side.
+fn at(r: &[f64], index: usize) -> f64 {
+    let (row, sign) = side(index);
+    sign * r[row]
+}
+
 impl Loss for Chebyshev {
     fn name(&self) -> &'static str {
         "minimax"
+    }
+
+    fn smooth(&self) -> bool {
+        false
     }
 
     fn merit(&self, r: &[f64]) -> f64 {
@@ -35,10 +49,10 @@ impl Loss for Chebyshev {
         Box::new(*self)
     }
 
-    /// The largest residuals, twice as many as a vertex of the program can have.
+    /// The sides that are largest, twice as many as a vertex of the program can have.
     fn working_set(&self, here: &Here) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..here.r.len()).collect();
-        order.sort_by(|&a, &b| here.r[b].abs().total_cmp(&here.r[a].abs()));
+        let mut order: Vec<usize> = (0..2 * here.r.len()).collect();
+        order.sort_by(|&a, &b| at(&here.r, b).total_cmp(&at(&here.r, a)));
         order.truncate(2 * (here.x.len() + 1));
         order.sort_unstable();
         order
@@ -47,21 +61,20 @@ impl Loss for Chebyshev {
     fn pose(&self, program: &mut Program, frame: &Frame, working: &[usize]) {
         let size = self.merit(&frame.here.r).max(f64::MIN_POSITIVE);
         let largest = program.variable(0.0, size);
-        for sign in [1.0, -1.0] {
-            for &row in working {
-                let step = (0..frame.unit.len())
-                    .map(|j| (j, sign * frame.here.jac[(row, j)] * frame.unit[j] / size))
-                    .chain([(largest, -1.0)]);
-                program.at_most(step, -sign * frame.here.r[row] / size, Owner::Nobody);
-            }
+        for &index in working {
+            let (row, sign) = side(index);
+            let step = (0..frame.unit.len())
+                .map(|j| (j, sign * frame.here.jac[(row, j)] * frame.unit[j] / size))
+                .chain([(largest, -1.0)]);
+            program.at_most(step, -sign * frame.here.r[row] / size, Owner::Nobody);
         }
     }
 
     fn missing(&self, predicted: &[f64], working: &[usize]) -> Vec<usize> {
-        let held = working.iter().fold(0.0f64, |a, &i| a.max(predicted[i].abs()));
-        complement(working, predicted.len())
+        let held = working.iter().fold(0.0f64, |a, &index| a.max(at(predicted, index)));
+        complement(working, 2 * predicted.len())
             .into_iter()
-            .filter(|&i| predicted[i].abs() > held * (1.0 + EXCESS))
+            .filter(|&index| at(predicted, index) > held * (1.0 + EXCESS))
             .collect()
     }
 
@@ -72,8 +85,9 @@ impl Loss for Chebyshev {
     fn dual_influence(&self, here: &Here, working: &[usize], solution: &Solution) -> Option<Vec<f64>> {
         let size = self.merit(&here.r).max(f64::MIN_POSITIVE);
         let mut blame = vec![0.0; here.r.len()];
-        for (index, &row) in working.iter().enumerate() {
-            blame[row] = (solution.z[index] - solution.z[working.len() + index]) / size;
+        for (&index, dual) in working.iter().zip(&solution.z) {
+            let (row, sign) = side(index);
+            blame[row] += sign * dual / size;
         }
         Some(blame)
     }

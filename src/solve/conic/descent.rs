@@ -25,6 +25,10 @@ const SHORTEST: f64 = 1e-14;
 const ARRIVED: f64 = 1e-6;
 /// Norm of the influence, relative to that at the start, below which a residual counts as none.
 const NO_RESIDUAL: f64 = 1e-8;
+/// Iterations over which a loss without derivative must lower the merit by [`PROGRESS`] of it.
+const SPAN: usize = 5;
+/// See [`SPAN`].
+const PROGRESS: f64 = 1e-3;
 
 /// A run: what is minimised within what.
 pub struct Descent<'a> {
@@ -98,6 +102,10 @@ impl Descent<'_> {
                     self.measure(&mut point);
                     if !relaxed && let Some(criterion) = ended(tiny, flat) {
                         report.outcome = Outcome::Converged(criterion);
+                        break;
+                    }
+                    if !self.loss.smooth() && stalled(&report.trace) {
+                        report.outcome = Outcome::Failed(Failure::Stalled(PROGRESS));
                         break;
                     }
                 }
@@ -256,6 +264,11 @@ fn ended(tiny: bool, flat: bool) -> Option<Criterion> {
     } else {
         None
     }
+}
+
+fn stalled(trace: &[Iterate]) -> bool {
+    let before = trace.len().checked_sub(SPAN + 1).and_then(|index| trace.get(index));
+    before.zip(trace.last()).is_some_and(|(before, last)| before.cost - last.cost < PROGRESS * last.cost)
 }
 
 /// The next radius: shorter after a poor step, none again after a good one that it did not limit.

@@ -4,14 +4,9 @@ use super::loss::Frame;
 use super::program::{Owner, Program};
 use crate::problem::Group;
 
-/// Length of a group's part of `x`.
-pub fn length(x: &[f64], group: &Group) -> f64 {
-    group.members.iter().map(|&i| x[i] * x[i]).sum::<f64>().sqrt()
-}
-
 /// `sum |x_group|`.
 pub fn merit(x: &[f64], groups: &[Group]) -> f64 {
-    groups.iter().map(|group| length(x, group)).sum()
+    groups.iter().map(|group| group.length(x)).sum()
 }
 
 /// Adds `weight sum |u_group|` through second-order cones `|u_group| <= t_group`.

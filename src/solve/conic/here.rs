@@ -73,3 +73,12 @@ fn without_empty_rows(r: Vec<f64>, jac: Mat<f64>) -> (Vec<f64>, Mat<f64>) {
     let jac = Mat::from_fn(kept.len(), jac.ncols(), |i, j| jac[(kept[i], j)]);
     (kept.iter().map(|&i| r[i]).collect(), jac)
 }
+
+/// The indices below `count` that are not in `sorted`.
+pub fn complement(sorted: &[usize], count: usize) -> Vec<usize> {
+    let mut present = vec![false; count];
+    for &i in sorted {
+        present[i] = true;
+    }
+    (0..count).filter(|&i| !present[i]).collect()
+}

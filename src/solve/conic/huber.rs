@@ -1,6 +1,6 @@
 //! Huber's loss: quadratic up to a threshold, linear beyond, so that a gross error pulls no harder than a large one.
 
-use super::here::{Here, Quadratic};
+use super::here::{Here, Quadratic, complement};
 use super::least_squares::pose_squares;
 use super::loss::{Frame, Loss};
 use super::program::{Owner, Program};
@@ -90,13 +90,4 @@ impl Loss for Huber {
             linear: linalg::mul_transpose(here.jac.as_ref(), &pull),
         })
     }
-}
-
-/// The indices below `count` that are not in `sorted`.
-pub fn complement(sorted: &[usize], count: usize) -> Vec<usize> {
-    let mut present = vec![false; count];
-    for &i in sorted {
-        present[i] = true;
-    }
-    (0..count).filter(|&i| !present[i]).collect()
 }

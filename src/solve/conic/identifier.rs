@@ -10,6 +10,7 @@ use super::weight::{self, WeightRule};
 use crate::problem::{Form, Problem};
 use crate::solve::anchored::settle;
 use crate::solve::identifier::{Identifier, SettingError, Stop};
+use crate::solve::reduced::Reduced;
 use crate::solve::report::{Estimate, Failure, Report};
 use crate::solve::settings;
 
@@ -107,10 +108,8 @@ impl Conic {
 
     /// Linear theory covers least squares without limits only.
     fn estimate(&self, problem: &dyn Problem, limits: &Limits, weight: f64) -> Estimate {
-        let free = |v: &f64| v.is_infinite();
-        let limited = limits.cone.is_finite() || !limits.lower.iter().chain(&limits.upper).all(free);
         match self.options.regulariser {
-            _ if limited || self.options.loss != "least-squares" => Estimate::Other,
+            _ if !limits.none() || self.options.loss != "least-squares" => Estimate::Other,
             Regulariser::None => settings::estimate(problem, THRESHOLD),
             Regulariser::Ridge => Estimate::Ridge { weight },
             Regulariser::Lasso | Regulariser::GroupLasso => Estimate::Other,
@@ -186,6 +185,14 @@ impl Identifier for Conic {
             return report.fail(Failure::Unsuited(format!("there is no loss '{}'", self.options.loss)));
         };
         if self.options.regulariser == Regulariser::None {
+            // The redundancy serves limits and sparse penalties; without them it only makes programs larger.
+            if limits.none()
+                && let Some((reduced, from)) = Reduced::at(problem, start)
+            {
+                let mut report = self.identify(&reduced, &from, stop);
+                report.x = reduced.point(&report.x);
+                return report;
+            }
             let report = Report { estimate: self.estimate(problem, &limits, 1.0), ..report };
             return settle(problem, start, THRESHOLD, stop, report.clone(), |problem, from, stop| {
                 let penalty = Penalty::default();

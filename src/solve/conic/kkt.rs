@@ -1,6 +1,5 @@
 //! The Karush-Kuhn-Tucker conditions of the nonlinear problem, from its own gradient: the solver is not asked.
 
-use super::group_lasso::length;
 use super::limits::Limits;
 use super::penalty::Penalty;
 use crate::problem::Group;
@@ -48,7 +47,7 @@ pub fn stationarity(
     let at_bound = |i: usize| x[i] >= limits.upper[i] || x[i] <= limits.lower[i];
     let mut cones = Vec::new();
     for (index, group) in groups.iter().enumerate() {
-        if limits.cone == f64::INFINITY || length(x, group) < limits.cone * (1.0 - REACHED) {
+        if limits.cone == f64::INFINITY || group.length(x) < limits.cone * (1.0 - REACHED) {
             continue;
         }
         let (mut along, mut square) = (0.0, 0.0);
@@ -89,7 +88,7 @@ fn lagrangian(gradient: &[f64], x: &[f64], penalty: &Penalty, groups: &[Group]) 
     }
     if penalty.group > 0.0 {
         for group in groups {
-            let size = length(x, group);
+            let size = group.length(x);
             let pull = group.members.iter().map(|&i| g[i] * g[i]).sum::<f64>().sqrt();
             for &i in &group.members {
                 if size > 0.0 {

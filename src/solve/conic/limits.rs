@@ -33,6 +33,11 @@ impl Limits {
         if reversed.is_empty() { Ok(Self { lower, upper, cone }) } else { Err(reversed) }
     }
 
+    /// Whether there are none.
+    pub fn none(&self) -> bool {
+        self.cone.is_infinite() && self.lower.iter().chain(&self.upper).all(|limit| limit.is_infinite())
+    }
+
     /// Writes the limits into the program.
     pub fn pose(&self, program: &mut Program, frame: &Frame, groups: &[Group]) {
         bounds::pose(program, frame, &self.lower, &self.upper);
@@ -54,10 +59,8 @@ impl Limits {
             .iter()
             .zip(self.lower.iter().zip(&self.upper))
             .map(|(x, (lower, upper))| (lower - x).max(x - upper).max(0.0));
-        let beyond = groups
-            .iter()
-            .filter(|_| self.cone < f64::INFINITY)
-            .map(|group| super::group_lasso::length(x, group) - self.cone);
+        let beyond =
+            groups.iter().filter(|_| self.cone < f64::INFINITY).map(|group| group.length(x) - self.cone);
         outside.chain(beyond).fold(0.0, f64::max)
     }
 }

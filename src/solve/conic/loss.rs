@@ -25,6 +25,12 @@ pub trait Loss: Send + Sync + std::fmt::Debug {
         true
     }
 
+    /// Whether it has a derivative everywhere. Where not, linear programs creep along valleys whose curvature they
+    /// do not see, and a run ends when it no longer gets on.
+    fn smooth(&self) -> bool {
+        true
+    }
+
     /// Cost of a residual (m, or compressed where rows are not needed).
     fn merit(&self, r: &[f64]) -> f64;
 
@@ -34,13 +40,14 @@ pub trait Loss: Send + Sync + std::fmt::Debug {
     /// The loss to use while residuals are as large as `r`: an easier one far from the solution, or itself.
     fn at_scale(&self, r: &[f64]) -> Box<dyn Loss>;
 
-    /// Rows to write out in the first program for a step from `here`; the others are summed up.
+    /// What to write out in the first program for a step from `here`, as ascending numbers that the loss alone
+    /// interprets: rows, or sides of rows.
     fn working_set(&self, here: &Here) -> Vec<usize>;
 
     /// Writes the cost of the step into the program.
     fn pose(&self, program: &mut Program, frame: &Frame, working: &[usize]);
 
-    /// Rows missing from the working set, given the residual that the step predicts.
+    /// What is missing from the working set, given the residual that the step predicts.
     fn missing(&self, predicted: &[f64], working: &[usize]) -> Vec<usize>;
 
     /// The quadratic that equals the cost about the predicted residual; `None` where there is no such.

@@ -9,6 +9,7 @@ pub mod group_lasso;
 pub mod here;
 pub mod huber;
 pub mod identifier;
+pub mod kinks;
 pub mod kkt;
 pub mod lasso;
 pub mod least_squares;

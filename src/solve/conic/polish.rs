@@ -3,8 +3,8 @@
 //! An interior point stops some 1e-8 of its scale away. With the active set known, what remains is a smooth
 //! problem in the free coordinates; groups at their cone move along the sphere.
 
-use super::group_lasso::length;
 use super::here::{Here, Quadratic};
+use super::kinks;
 use super::step::Model;
 use crate::linalg::{self, norm};
 use faer::{Mat, MatMut};
@@ -52,9 +52,13 @@ pub fn polish(
         let free = free_directions(model, &set, &u);
         let before = u.clone();
         newton(model, here, &quadratic, &free, &mut u)?;
+        let cut = model.penalty.lasso > 0.0 && {
+            let gradient = model.program_gradient(here, &before);
+            kinks::search(model, &quadratic, &gradient, &before, &mut u, &mut set.held)
+        };
         // Multipliers belong to the minimiser on the set, before it is cut back: the primal-dual active set method.
-        let freed = release(model, here, &mut set, &mut u);
-        let grown = hold(model, &mut set, &before, &mut u);
+        let freed = !cut && release(model, here, &mut set, &mut u);
+        let grown = cut || hold(model, &mut set, &before, &mut u);
         let moved = u.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         if !freed && !grown && (moved <= SETTLED * norm(&u) || moved > 0.5 * last) {
             return Some(u);
@@ -81,7 +85,7 @@ fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
     let mut zero = vec![false; model.groups.len()];
     let mut cone = vec![false; model.groups.len()];
     for (g, group) in model.groups.iter().enumerate() {
-        let reach = length(u, group);
+        let reach = group.length(u);
         if model.penalty.group > 0.0 && reach <= NEAR_TIP * group.members.iter().map(size).fold(0.0, f64::max)
         {
             group.members.iter().for_each(|&i| u[i] = 0.0);
@@ -173,21 +177,9 @@ fn newton(model: &Model, here: &Here, quadratic: &Quadratic, free: &[Free], u: &
     }
     let factor = linalg::upper_factor(rows.as_mut());
     // R'R t = -(A'b + linear): the linear part through R twice, the rest through Q.
-    for j in 0..f {
-        let dot: f64 = (0..j).map(|i| factor[(i, j)] * linear[i]).sum();
-        linear[j] = (linear[j] - dot) / factor[(j, j)];
-    }
+    linalg::solve_upper_transpose(&factor, &mut linear)?;
     let mut t: Vec<f64> = (0..f).map(|i| -factor[(i, f)] - linear[i]).collect();
-    for j in (0..f).rev() {
-        t[j] /= factor[(j, j)];
-        let tj = t[j];
-        for (i, x) in t.iter_mut().enumerate().take(j) {
-            *x -= factor[(i, j)] * tj;
-        }
-    }
-    if t.iter().any(|v| !v.is_finite()) {
-        return None;
-    }
+    linalg::solve_upper(&factor, &mut t)?;
     for (direction, t) in free.iter().zip(&t) {
         for &(i, part) in &direction.parts {
             u[i] += part * t;
@@ -207,7 +199,7 @@ fn curved(model: &Model, here: &Here, quadratic: &Quadratic, u: &[f64]) -> (Vec<
     }
     let multipliers = model.program_stationarity(here, u).cones;
     for (g, group) in model.groups.iter().enumerate() {
-        let size = length(u, group);
+        let size = group.length(u);
         if size == 0.0 {
             continue;
         }
@@ -223,7 +215,7 @@ fn curved(model: &Model, here: &Here, quadratic: &Quadratic, u: &[f64]) -> (Vec<
 /// Takes from the bend of every group what lies along the group itself: a length is straight along its own ray.
 fn flatten_along(model: &Model, u: &[f64], bent: &[usize], mut rows: MatMut<'_, f64>) {
     for group in model.groups {
-        let size = length(u, group);
+        let size = group.length(u);
         let members: Vec<(usize, f64)> = (0..bent.len())
             .filter(|&row| group.members.contains(&bent[row]))
             .map(|row| (row, u[bent[row]] / size))
@@ -238,14 +230,13 @@ fn flatten_along(model: &Model, u: &[f64], bent: &[usize], mut rows: MatMut<'_, 
     }
 }
 
-/// Holds what the step carried across a limit or through zero; whether anything was.
+/// Holds what the step carried across a limit or a group through zero; whether anything was.
 fn hold(model: &Model, set: &mut ActiveSet, before: &[f64], u: &mut [f64]) -> bool {
     let mut grown = false;
-    for i in 0..u.len() {
+    for (i, u) in u.iter_mut().enumerate() {
         let (lower, upper) = (model.limits.lower[i], model.limits.upper[i]);
-        let crossed = model.penalty.lasso > 0.0 && before[i] * u[i] < 0.0;
-        if u[i] > upper || u[i] < lower || crossed {
-            u[i] = if crossed { 0.0f64.max(lower).min(upper) } else { u[i].max(lower).min(upper) };
+        if *u > upper || *u < lower {
+            *u = u.max(lower).min(upper);
             grown |= !set.held[i];
             set.held[i] = true;
         }
@@ -258,7 +249,7 @@ fn hold(model: &Model, set: &mut ActiveSet, before: &[f64], u: &mut [f64]) -> bo
             set.zero[g] = true;
             grown = true;
         }
-        if set.cone[g] || length(u, group) > model.limits.cone {
+        if set.cone[g] || group.length(u) > model.limits.cone {
             grown |= !set.cone[g];
             set.cone[g] = true;
             let (held, free): (Vec<usize>, Vec<usize>) = group.members.iter().partition(|&&i| set.held[i]);

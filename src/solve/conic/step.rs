@@ -187,7 +187,7 @@ impl Model<'_> {
             }
         }
         for group in self.groups {
-            let reach = super::group_lasso::length(u, group);
+            let reach = group.length(u);
             let size = group.members.iter().fold(0.0f64, |a, &i| a.max(unit[i]));
             if self.penalty.group > 0.0 && reach <= SNAP * size {
                 group.members.iter().for_each(|&i| u[i] = 0.0);

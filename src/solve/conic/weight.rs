@@ -1,18 +1,18 @@
 //! The weight of a penalty: given, or chosen on the linearised problem by what it predicts or leaves over.
 
-use super::here::Here;
-use super::huber::complement;
+use super::here::{Here, complement};
 use super::step::Model;
 use crate::problem::Problem;
 use crate::solve::report::WeightPoint;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// How the weight is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum WeightRule {
     /// As given.
     Given(f64),
-    /// The weight that best predicts rows left out.
+    /// The weight that best predicts samples left out.
     CrossValidation,
     /// The largest weight that leaves no more than the stated noise (Morozov 1966).
     Discrepancy,
@@ -28,7 +28,7 @@ impl std::fmt::Display for WeightRule {
     }
 }
 
-/// Blocks of consecutive rows, so that the rows of one pose stay together where poses are many.
+/// Parts into which the samples are divided, each left out once.
 const FOLDS: usize = 5;
 
 /// Weights tried: half decades about 1, where data and tolerance weigh the same.
@@ -48,13 +48,17 @@ pub fn choose<'a>(
     }
     let rows = Here::at(problem, x, true)?;
     let m = rows.r.len();
+    let folds = match rule {
+        WeightRule::CrossValidation => folds(&problem.blocks(), m)?,
+        _ => Vec::new(),
+    };
     let mut near = vec![vec![0.0; x.len()]; FOLDS];
     let mut curve = Vec::new();
     // From the largest weight, under which next to nothing is off nominal: each solution is near the one before.
     for weight in grid().rev() {
         let model = with(weight);
         let score = match rule {
-            WeightRule::CrossValidation => left_out(&model, &rows, &mut near)?,
+            WeightRule::CrossValidation => left_out(&model, &rows, &folds, &mut near)?,
             _ => left_over(&model, &rows, &mut near[0])?,
         };
         curve.push(WeightPoint { weight, score: score / m as f64 });
@@ -67,18 +71,29 @@ pub fn choose<'a>(
     best.map(|point| point.weight).ok_or_else(|| "no weight was tried".into()).map(|weight| (weight, curve))
 }
 
+/// The rows of every fold: whole blocks, consecutive ones together, in parts as equal as they come.
+///
+/// The rows of one sample share its noise and its posture: rows left out would be predicted from their own sample.
+fn folds(blocks: &[Range<usize>], rows: usize) -> Result<Vec<Vec<usize>>, String> {
+    let single: Vec<Range<usize>> = (0..rows).map(|row| row..row + 1).collect();
+    let blocks = if blocks.is_empty() { &single } else { blocks };
+    let folds = FOLDS.min(blocks.len());
+    if folds < 2 {
+        return Err("cross-validation needs at least two samples".into());
+    }
+    let of = |fold: usize| blocks[fold * blocks.len() / folds..(fold + 1) * blocks.len() / folds].iter();
+    Ok((0..folds).map(|fold| of(fold).cloned().flatten().collect()).collect())
+}
+
 /// Cost of rows that took no part in the fit, twice, so that it is a sum of squares for least squares.
-fn left_out(model: &Model, rows: &Here, near: &mut [Vec<f64>]) -> Result<f64, String> {
-    let m = rows.r.len();
-    let folds = FOLDS.min(m).max(1);
-    let of_fold = |(fold, near): (usize, &mut Vec<f64>)| {
-        let held: Vec<usize> = (fold * m / folds..(fold + 1) * m / folds).collect();
-        *near = fit(model, rows, &complement(&held, m), near)?;
+fn left_out(model: &Model, rows: &Here, folds: &[Vec<usize>], near: &mut [Vec<f64>]) -> Result<f64, String> {
+    let of_fold = |(held, near): (&Vec<usize>, &mut Vec<f64>)| {
+        *near = fit(model, rows, &complement(held, rows.r.len()), near)?;
         let predicted = rows.predict(near);
         let residual: Vec<f64> = held.iter().map(|&i| predicted[i]).collect();
         Ok(2.0 * model.loss.merit(&residual))
     };
-    let costs: Result<Vec<f64>, String> = near[..folds].par_iter_mut().enumerate().map(of_fold).collect();
+    let costs: Result<Vec<f64>, String> = folds.par_iter().zip(near.par_iter_mut()).map(of_fold).collect();
     Ok(costs?.iter().sum())
 }
 
@@ -101,4 +116,25 @@ fn part(model: &Model, rows: &Here, chosen: &[usize]) -> Here {
     }
     let compressed = crate::linalg::compress(&jac, &r);
     Here { x: rows.x.clone(), r: compressed.r, jac: compressed.jac, cost: compressed.cost }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::folds;
+
+    #[test]
+    fn folds_take_samples_whole() {
+        let blocks: Vec<_> = (0..7).map(|k| 3 * k..3 * k + 3).collect();
+        let folds = folds(&blocks, 21).expect("seven samples");
+        assert_eq!(folds.iter().map(Vec::len).collect::<Vec<_>>(), [3, 3, 6, 3, 6]);
+        assert_eq!(folds.concat(), (0..21).collect::<Vec<usize>>());
+        assert!(folds.iter().all(|fold| fold[0] % 3 == 0));
+    }
+
+    #[test]
+    fn rows_without_blocks_stand_alone_and_one_sample_is_too_few() {
+        assert_eq!(folds(&[], 3).expect("three rows"), [[0], [1], [2]]);
+        let one: Vec<_> = std::iter::once(0..6).collect();
+        assert!(folds(&one, 6).is_err());
+    }
 }

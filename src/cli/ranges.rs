@@ -1,0 +1,39 @@
+//! Readings against the ranges that the drawing states.
+
+use super::wording::listed;
+use crate::model::{Joint, Mechanism};
+
+/// Says on standard error which actuators stand outside their own range at home.
+pub fn warn_of_home(mechanism: &Mechanism) {
+    let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
+    let outside =
+        |joint: &&Joint| joint.range.is_some_and(|(low, high)| joint.home < low || joint.home > high);
+    let named = joints.zip(mechanism.actuator_names()).filter(|(joint, _)| outside(joint));
+    let names: Vec<String> = named.map(|(_, name)| name).collect();
+    if !names.is_empty() {
+        let names = listed(&names);
+        eprintln!("warning: home lies outside the range of {names}: both are readings; is home stated?");
+    }
+}
+
+/// Actuators whose variables, over all `postures` (reading - home, rad or m), leave the range that the drawing states
+/// by more than a tenth of it.
+pub fn out_of_range<'a>(
+    mechanism: &Mechanism,
+    postures: impl Iterator<Item = &'a [f64]> + Clone,
+) -> Vec<String> {
+    let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
+    let mut outside = Vec::new();
+    for (index, (joint, name)) in joints.zip(mechanism.actuator_names()).enumerate() {
+        let Some((low, high)) = joint.range else { continue };
+        let slack = 0.1 * (high - low);
+        let leaves = |variables: &[f64]| {
+            let reading = variables.get(index).map_or(joint.home, |variable| variable + joint.home);
+            reading < low - slack || reading > high + slack
+        };
+        if postures.clone().any(leaves) {
+            outside.push(name);
+        }
+    }
+    outside
+}

@@ -1,0 +1,49 @@
+//! Words that several messages share: numbers with their nouns, lists, and why a posture does not close.
+
+use crate::files::Units;
+use crate::model::NotClosed;
+
+/// Names that a list shows before it breaks off.
+const SHOWN: usize = 10;
+
+/// `1 posture`, `2 postures`.
+pub fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
+/// The first names, and how many more there are.
+pub fn listed<T: AsRef<str>>(names: &[T]) -> String {
+    let shown: Vec<&str> = names.iter().take(SHOWN).map(AsRef::as_ref).collect();
+    match names.len().saturating_sub(SHOWN) {
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
+    }
+}
+
+/// Why a posture does not close, in units of the file.
+pub fn reason(why: &NotClosed, units: Units) -> String {
+    match why {
+        NotClosed::Apart { rotation, translation, iterations } => format!(
+            "the limbs do not meet: {:.3e} {} and {:.3e} {} apart ({})",
+            units.from_radians(*rotation),
+            units.angle_symbol(),
+            units.from_metres(*translation),
+            units.length_symbol(),
+            counted(*iterations, "Newton step"),
+        ),
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{counted, listed};
+
+    #[test]
+    fn one_is_singular_and_long_lists_break_off() {
+        assert_eq!([0, 1, 2].map(|n| counted(n, "limb")), ["0 limbs", "1 limb", "2 limbs"]);
+        let names: Vec<String> = (1..=12).map(|n| n.to_string()).collect();
+        assert_eq!(listed(&names), "1, 2, 3, 4, 5, 6, 7, 8, 9, 10 and 2 more");
+        assert_eq!(listed(&names[..2]), "1, 2");
+    }
+}
