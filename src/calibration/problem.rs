@@ -62,7 +62,8 @@ impl<'a> Calibration<'a> {
             let second = if two { postures.second.passive(self.mechanism) } else { Vec::new() };
             Ok((postures.first.passive(self.mechanism), second))
         };
-        let closed: Vec<Result<(Vec<f64>, Vec<f64>), SetAside>> = samples
+        type Passive = (Vec<f64>, Vec<f64>);
+        let closed: Vec<Result<Passive, SetAside>> = samples
             .par_iter()
             .enumerate()
             .map_init(

@@ -139,8 +139,8 @@ impl RowWriter {
             for (g, in_slice) in frames.iter().zip(&limb.in_slice) {
                 let by_link = moved(by_tool, &(tool - g.p));
                 for (block, in_slice) in by_link.iter().zip(in_slice) {
-                    for i in 0..3 {
-                        if in_slice[i] {
+                    for (i, chosen) in in_slice.iter().enumerate() {
+                        if *chosen {
                             let axis = [g.r[(0, i)], g.r[(1, i)], g.r[(2, i)]];
                             combine::<ADD>(block, axis, &mut out.column(k)[group * LANES..]);
                             k += 1;

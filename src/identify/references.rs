@@ -12,13 +12,16 @@ const ITERATIONS: usize = 30;
 /// Relative singular value below which distances do not determine a direction.
 const RANK: f64 = 1e-4;
 
+/// Where a target was predicted, m, and what was read there, m.
+type Seen = (Vector3<f64>, f64);
+
 /// Moves the instrument's free fixed points, zeros and planes to where the readings say that they are. What they do not
 /// determine stays as drawn.
 pub(super) fn place_references(mechanism: &mut Mechanism, sightings: &[Sighting]) {
     let instrument = mechanism.nominal().instrument;
     let at = |s: &Sighting, target: Point| s.tool.p + s.tool.r * target.at(&instrument);
-    let mut ranges: Vec<(Point, Gauge, Vec<(Vector3<f64>, f64)>)> = Vec::new();
-    let mut touches: Vec<(Plane, Vec<(Vector3<f64>, f64)>)> = Vec::new();
+    let mut ranges: Vec<(Point, Gauge, Vec<Seen>)> = Vec::new();
+    let mut touches: Vec<(Plane, Vec<Seen>)> = Vec::new();
     for s in sightings {
         match s.clue {
             Clue::Range { target, point, gauge, reading } => {
@@ -156,7 +159,7 @@ fn place_point(
     let (zero, scale) = gauge.at(instrument);
     let with_zero = is_free(constants, gauge.zero_constant);
     let known = if with_zero { 0.0 } else { zero };
-    let distances: Vec<(Vector3<f64>, f64)> = seen.iter().map(|(p, d)| (*p, (d - known) / scale)).collect();
+    let distances: Vec<Seen> = seen.iter().map(|(p, d)| (*p, (d - known) / scale)).collect();
     let drawn = point.at(instrument);
     if !is_free(constants, point.constants) {
         if let (true, Some(k)) = (with_zero, gauge.zero_constant) {
