@@ -56,6 +56,7 @@
 
 pub mod calibration;
 pub mod cli;
+pub mod compare;
 pub mod files;
 pub mod identify;
 pub mod lie;

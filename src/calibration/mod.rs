@@ -6,6 +6,6 @@ pub mod problem;
 pub mod rows;
 pub mod sample;
 
-pub use coordinates::Coordinates;
+pub use coordinates::{Coordinates, LimbCoordinates};
 pub use problem::Calibration;
 pub use sample::{Sample, SetAside};

@@ -1,7 +1,7 @@
 //! Commands and their arguments.
 
 use super::error::CliError;
-use super::{analyze, identify, predict, simulate, solvers};
+use super::{analyze, compare, identify, predict, simulate, solvers};
 use clap::{Parser, Subcommand};
 
 /// Kinematic calibration of parallel and serial manipulators.
@@ -22,6 +22,8 @@ enum Command {
     Predict(predict::Args),
     /// Draw a true machine from the tolerances and measure it
     Simulate(simulate::Args),
+    /// Compare identifiers on problems, scored by the problem
+    Compare(compare::Args),
     /// List the identifiers
     Solvers,
 }
@@ -42,6 +44,7 @@ pub fn run(cli: &Cli) -> Result<Ending, CliError> {
         Command::Analyze(args) => analyze::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Simulate(args) => simulate::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Solvers => solvers::run(),
     }
 }

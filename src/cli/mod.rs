@@ -1,6 +1,7 @@
 //! The command line: one file a command.
 
 pub mod analyze;
+pub mod compare;
 pub mod dispatch;
 pub mod error;
 pub mod identify;

@@ -1,6 +1,7 @@
 //! Files: problems, results, tables of measurements, poses. Units of the file become m and rad here and nowhere else.
 
 pub mod actuators;
+pub mod benchmark;
 mod bytes;
 pub mod columns;
 pub mod data;
@@ -27,6 +28,7 @@ pub mod values;
 pub mod write;
 
 pub use actuators::{ActuatorRow, read_actuators};
+pub use benchmark::BenchmarkDrawing;
 pub use data::{DataDrawing, SampleDrawing};
 pub use dataset::{DataSet, Kind, MeasuredPose};
 pub use drawing::{JointDrawing, LimbDrawing, MechanismDrawing};

@@ -1,5 +1,6 @@
 //! Problem files, and the model that a problem or a result holds.
 
+use super::benchmark::BenchmarkDrawing;
 use super::columns::ColumnsDrawing;
 use super::data::{Context, DataDrawing};
 use super::dataset::DataSet;
@@ -31,6 +32,9 @@ pub struct ProblemDrawing {
     /// For people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub description: Option<String>,
+    /// Why it is in a benchmark set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub benchmark: Option<BenchmarkDrawing>,
     /// Of every number.
     pub units: Units,
     /// Nominal machine.
@@ -132,6 +136,9 @@ pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<P
         Some(data) => data.read(&context, &at.key("data"))?,
         None => Default::default(),
     };
+    if let Some(benchmark) = &drawing.benchmark {
+        benchmark.check(&at.key("benchmark"))?;
+    }
     let at_truth = at.key("truth");
     let truth = drawing.truth.as_ref().map(|truth| truth.read(units, &at_truth)).transpose()?;
     let truth = truth.map(|truth| truth.mechanism);

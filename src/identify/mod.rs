@@ -8,5 +8,5 @@ pub mod score;
 
 pub use counts::{Counts, Visibility};
 pub use noise::{NoiseEstimate, identify_without_noise};
-pub use run::{Identification, IdentifyError, identify};
+pub use run::{Identification, IdentifyError, identify, identify_from};
 pub use score::Fit;

@@ -90,6 +90,17 @@ pub fn identify(
     identifier: &dyn Identifier,
     stop: &Stop,
 ) -> Result<Identification, IdentifyError> {
+    identify_from(drawn, samples, identifier, stop, &vec![0.0; drawn.component_count()])
+}
+
+/// The same, started from link deviations `from` (rad, m, six per link) of the drawing with its free ends registered.
+pub fn identify_from(
+    drawn: &Mechanism,
+    samples: &[Sample],
+    identifier: &dyn Identifier,
+    stop: &Stop,
+    from: &[f64],
+) -> Result<Identification, IdentifyError> {
     if samples.is_empty() {
         return Err(IdentifyError::NoSamples);
     }
@@ -107,7 +118,7 @@ pub fn identify(
         }
         Form::Minimal | Form::Complete => samples,
     };
-    let mut at = vec![0.0; start.component_count()];
+    let mut at = from.to_vec();
     let mut problem = Calibration::new(&start, samples_in_form, identifier.form(), &at);
     if problem.params().is_empty() {
         return Err(IdentifyError::AllHeld);
@@ -127,7 +138,7 @@ pub fn identify(
     if problem.sample_count() == 0 {
         problem.take_back(samples_in_form, &at, 0.0);
     }
-    let mut x = vec![0.0; problem.params().len()];
+    let mut x = problem.coordinates().nearest(&at);
     let mut trace = Vec::new();
     let mut report;
     let mut round = 0;
@@ -201,7 +212,7 @@ fn singularities(
 ///
 /// Least squares without any prior has no finite error along directions that the data cannot see; there the
 /// tolerance stands in for it.
-fn weight(estimate: Estimate, s: f64) -> Option<f64> {
+pub fn weight(estimate: Estimate, s: f64) -> Option<f64> {
     match estimate {
         Estimate::Split { threshold } => Some(prior_weight(s / threshold)),
         Estimate::Ridge { weight } => Some(weight),
