@@ -30,9 +30,9 @@ impl Tolerance {
     /// bound is rarer than one in a thousand even where three directions decide it.
     pub fn named(name: &str) -> Option<Self> {
         let (stop, offset) = match name {
-            "fast" => (Stop { iterations: 50, step: 1e-4, gradient: 1e-4, cost: 1e-5 }, 1e-1),
-            "default" => (Stop::default(), 1e-3),
-            "tight" => (Stop { iterations: 1000, step: 1e-12, gradient: 1e-12, cost: 1e-15 }, 1e-5),
+            "fast" => (Stop { iterations: 50, step: 1e-4, gradient: 1e-4, cost: 1e-5 }, 0.3),
+            "default" => (Stop::default(), 0.1),
+            "tight" => (Stop { iterations: 1000, step: 1e-12, gradient: 1e-12, cost: 1e-15 }, 1e-3),
             _ => return None,
         };
         Some(Self { name: name.into(), stop, offset, cost: 0.01, prediction: 3.0 })
