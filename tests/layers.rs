@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 12] = [
+const LAYERS: [(&str, &[&str]); 13] = [
     ("lie", &[]),
     ("linalg", &["problem"]),
     // A problem knows no robot, no file and no terminal.
@@ -17,6 +17,8 @@ const LAYERS: [(&str, &[&str]); 12] = [
     ("simulate", &["lie", "model", "measure"]),
     ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "solve"]),
     ("files", &["lie", "model", "measure", "calibration"]),
+    // Figures and pages are data in, bytes out.
+    ("render", &[]),
     (
         "cli",
         &[
@@ -30,6 +32,7 @@ const LAYERS: [(&str, &[&str]); 12] = [
             "simulate",
             "identify",
             "files",
+            "render",
         ],
     ),
     ("lib", &[]),
