@@ -29,7 +29,7 @@
   addEventListener("load", () => {
     const drawn = [...document.querySelectorAll("svg.figure")].filter((svg) => {
       const box = svg.getBoundingClientRect();
-      return box.width > 0 && box.height > 0;
+      return Math.min(box.width, box.height) > 0;
     });
     root.dataset.figures = String(drawn.length);
     root.dataset.overflow = String(Math.max(0, root.scrollWidth - root.clientWidth));
