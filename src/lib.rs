@@ -52,7 +52,7 @@
 //! From the bottom up: [`lie`] rotations and rigid motions; [`linalg`] dense factorisations; [`problem`] what an
 //! identifier sees; [`model`] joints, limbs, postures; [`measure`] instruments; [`calibration`] machine and
 //! measurements as a problem; [`simulate`] synthetic measurements; [`solve`] identifiers; [`identify`] a whole
-//! identification; [`files`] problem and result files; [`cli`] the commands.
+//! identification; [`files`] problem and result files; [`render`] figures, tables and pages; [`cli`] the commands.
 
 pub mod calibration;
 pub mod cli;
@@ -64,5 +64,6 @@ pub mod linalg;
 pub mod measure;
 pub mod model;
 pub mod problem;
+pub mod render;
 pub mod simulate;
 pub mod solve;

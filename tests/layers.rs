@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 13] = [
+const LAYERS: [(&str, &[&str]); 14] = [
     ("lie", &[]),
     ("linalg", &["problem"]),
     // A problem knows no robot, no file and no terminal.
@@ -17,6 +17,8 @@ const LAYERS: [(&str, &[&str]); 13] = [
     ("simulate", &["lie", "model", "measure"]),
     ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "solve"]),
     ("files", &["lie", "model", "measure", "calibration"]),
+    // Figures and pages are data in, bytes out.
+    ("render", &[]),
     (
         "compare",
         &[
@@ -30,6 +32,7 @@ const LAYERS: [(&str, &[&str]); 13] = [
             "simulate",
             "identify",
             "files",
+            "render",
         ],
     ),
     (
@@ -45,6 +48,7 @@ const LAYERS: [(&str, &[&str]); 13] = [
             "simulate",
             "identify",
             "files",
+            "render",
             "compare",
         ],
     ),
