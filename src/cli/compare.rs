@@ -5,7 +5,9 @@ use super::error::CliError;
 use crate::compare::campaign::{Campaign, Cell, Contestant, Shard, Subject};
 use crate::compare::execute::execute;
 use crate::compare::line::{RunKey, RunLine, Source};
+use crate::compare::publish;
 use crate::compare::store::{self, Store};
+use crate::compare::study::Mixed;
 use crate::compare::tolerance::Tolerance;
 use crate::files::{DataPlaces, FileError, Output, read_problem};
 use crate::model::mobility;
@@ -14,13 +16,18 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+/// Identifier that only runs where it is asked for: its linear programs do not see the curvature of the flat valleys of
+/// closed loops, and minutes go by there.
+const SLOW: &str = "conic-minimax";
+
 /// Arguments.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Problem files: machines, tolerances and noise; each run draws its own truth and data
     #[arg(required_unless_present = "merge")]
     problems: Vec<PathBuf>,
-    /// Identifiers, divided by commas; all of them where this is left out (see `gough solvers`)
+    /// Identifiers, divided by commas, or `all`; all but conic-minimax, which takes minutes on closed loops, where this
+    /// is left out (see `gough solvers`)
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     solvers: Vec<String>,
     /// Setting of an identifier, such as minimal.threshold=3; may be repeated
@@ -67,9 +74,20 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         })?;
     }
     let lines = if args.merge.is_empty() { campaign(args, folder)? } else { merged(args, folder)? };
-    if args.shard.is_none() {
-        let _ = lines;
+    let mixed = |why: Mixed| CliError::Usage(format!("{why}; compare them in folders of their own"));
+    if let Some(Shard { index, count }) = args.shard {
+        let files = format!("runs-*-of-{count}.jsonl");
+        eprintln!("part {index} of {count} is done; tables: gough compare --merge {files} -o DIR");
+        if folder.is_some() {
+            return Ok(Ending::Done);
+        }
     }
+    if let Some(folder) = folder {
+        for (name, text) in publish::files(&lines).map_err(mixed)? {
+            Output::File(folder.join(name)).write(text.as_bytes())?;
+        }
+    }
+    Output::Stdout.write(publish::markdown(&lines).map_err(mixed)?.as_bytes())?;
     Ok(Ending::Done)
 }
 
@@ -235,10 +253,14 @@ fn subject(path: &Path, args: &Args) -> Result<Subject, CliError> {
 }
 
 fn contestants(args: &Args) -> Result<Vec<Contestant>, CliError> {
-    let mut identifiers = match args.solvers.is_empty() {
-        true => registry::all(),
-        false => args.solvers.iter().map(|name| registry::find(name.trim())).collect::<Result<_, _>>()?,
-    };
+    let mut identifiers = registry::all();
+    match args.solvers.as_slice() {
+        [] => identifiers.retain(|identifier| identifier.name() != SLOW),
+        [all] if all == "all" => {}
+        names => {
+            identifiers = names.iter().map(|name| registry::find(name.trim())).collect::<Result<_, _>>()?;
+        }
+    }
     let mut names: Vec<&str> = identifiers.iter().map(|identifier| identifier.name()).collect();
     names.sort_unstable();
     if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
