@@ -52,7 +52,8 @@
 //! From the bottom up: [`lie`] rotations and rigid motions; [`linalg`] dense factorisations; [`problem`] what an
 //! identifier sees; [`model`] joints, limbs, postures; [`measure`] instruments; [`calibration`] machine and
 //! measurements as a problem; [`simulate`] synthetic measurements; [`solve`] identifiers; [`identify`] a whole
-//! identification; [`files`] problem and result files; [`render`] figures, tables and pages; [`cli`] the commands.
+//! identification; [`files`] problem and result files; [`render`] figures, tables and pages; [`compare`]
+//! identifiers side by side; [`cli`] the commands.
 
 pub mod calibration;
 pub mod cli;

@@ -2,12 +2,13 @@
 
 use super::dispatch::Ending;
 use super::error::CliError;
+use crate::compare::draw::simulate_by;
 use crate::files::{
     DataDrawing, DataPlaces, Kind, Output, ProblemFile, SampleDrawing, json, noise::NoiseDrawing,
     read_problem, redraw,
 };
 use crate::model::mobility;
-use crate::simulate::{Plan, simulate};
+use crate::simulate::Plan;
 use std::path::PathBuf;
 
 /// Arguments.
@@ -53,7 +54,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     })?;
     let Args { poses, holdout, seed, noise, distance, .. } = *args;
     let plan = Plan { poses: poses as usize, holdout: holdout as usize, seed, noise, distance };
-    let simulated = simulate(&problem.mechanism, &covariance, &plan)
+    let recipe = problem.drawing.benchmark.clone().unwrap_or_default();
+    let simulated = simulate_by(&recipe, &problem.mechanism, &covariance, &plan)
         .map_err(|why| CliError::Simulate { file: problem.file.clone(), why })?;
     let drawing = with_data(&problem, &simulated, args);
     let text = json::text(&drawing)

@@ -2,13 +2,13 @@
 
 use super::line::Source;
 use crate::calibration::Sample;
-use crate::files::{Kind, MeasuredPose, ProblemFile};
+use crate::files::{BenchmarkDrawing, Kind, MeasuredPose, ProblemFile};
 use crate::identify::registration::{FreeEnds, registered};
 use crate::identify::{IdentifyError, NoiseEstimate, identify_without_noise};
 use crate::lie::{Se3, so3};
 use crate::measure::pose::NotPositive;
 use crate::model::{Geometry, Mechanism};
-use crate::simulate::{Plan, SimulateError, draw_deviations, simulate_truth};
+use crate::simulate::{Plan, SimulateError, Simulated, draw_deviations, simulate_truth};
 use crate::solve::minimal::Minimal;
 use crate::solve::Stop;
 use nalgebra::{Matrix6, Vector6};
@@ -103,19 +103,11 @@ fn simulated(
 ) -> Result<(Vec<Sample>, Vec<Sample>, Geometry), DrawError> {
     let mechanism = &problem.mechanism;
     let recipe = problem.drawing.benchmark.clone().unwrap_or_default();
-    let noise = noise * recipe.noise.unwrap_or(1.0);
     let covariance = problem.data.noise.ok_or(DrawError::NoNoise)? * (noise * noise);
     let own = if problem.data.is_empty() { POSES } else { problem.data.samples.len() };
     let distance = recipe.distance.unwrap_or(1.0);
     let plan = Plan { poses: recipe.poses.unwrap_or(own), holdout: HOLDOUT, seed, noise: 1.0, distance };
-    let mut deviations = draw_deviations(mechanism, seed, distance);
-    if let Some(count) = recipe.links_off {
-        keep_links(&mut deviations, count, seed);
-    }
-    let mut drawn = simulate_truth(mechanism, mechanism.deviated(&deviations), &covariance, &plan)?;
-    if let Some(gross) = recipe.outliers {
-        spoil(&mut drawn.samples, &covariance, gross.share, gross.factor, seed);
-    }
+    let drawn = simulate_by(&recipe, mechanism, &covariance, &plan)?;
     let rotation = problem.data.kind != Kind::Position;
     let measured = |name: &str, seen: bool, poses: Vec<(Vec<f64>, Se3)>| {
         let sample = |(k, (actuators, pose)): (usize, (Vec<f64>, Se3))| {
@@ -130,6 +122,24 @@ fn simulated(
     // Hold-out poses are the true ones, rotations included whatever the instrument sees.
     let holdout = measured("hold-out", true, drawn.holdout)?;
     Ok((samples, holdout, drawn.truth))
+}
+
+/// Simulates with the sparse truth and the gross errors that the recipe asks for, and else as the plan says.
+pub fn simulate_by(
+    recipe: &BenchmarkDrawing,
+    mechanism: &Mechanism,
+    covariance: &Matrix6<f64>,
+    plan: &Plan,
+) -> Result<Simulated, SimulateError> {
+    let mut deviations = draw_deviations(mechanism, plan.seed, plan.distance);
+    if let Some(count) = recipe.links_off {
+        keep_links(&mut deviations, count, plan.seed);
+    }
+    let mut drawn = simulate_truth(mechanism, mechanism.deviated(&deviations), covariance, plan)?;
+    if let Some(gross) = recipe.outliers {
+        spoil(&mut drawn.samples, covariance, gross.share, gross.factor, plan.seed);
+    }
+    Ok(drawn)
 }
 
 fn stream(seed: u64, number: u64) -> ChaCha8Rng {

@@ -20,9 +20,6 @@ pub struct BenchmarkDrawing {
     /// Factor on the tolerances from which the truth is drawn; 1 where it is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance: Option<f64>,
-    /// Factor on the noise, of which the instrument knows; 1 where it is left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub noise: Option<f64>,
     /// Start in tolerances from nominal, where the command line does not say; 0 where it is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<f64>,
@@ -55,27 +52,25 @@ pub struct ReferenceDrawing {
     pub solver: String,
     /// Root mean square position error on the hold-out.
     pub position_rms: f64,
-    /// Root mean square rotation error on the hold-out.
-    pub rotation_rms: f64,
+    /// Root mean square rotation error on the hold-out, where that has rotations.
+    pub rotation_rms: Option<f64>,
     /// Practical count.
     pub practical: usize,
 }
 
 impl BenchmarkDrawing {
     pub(super) fn check(&self, at: &Place<'_>) -> Result<(), FileError> {
-        let positive = |key: &'static str, value: Option<f64>, least: f64| match value {
+        let at_least = |key: &'static str, value: Option<f64>, least: f64| match value {
             Some(v) if !(v.is_finite() && v >= least) => {
                 Err(at.key(key).error(Fault::BenchmarkNumber { found: v, least }))
             }
             _ => Ok(()),
         };
-        let above = f64::MIN_POSITIVE;
-        positive("distance", self.distance, 0.0)?;
-        positive("noise", self.noise, above)?;
-        positive("start", self.start, 0.0)?;
-        positive("poses", self.poses.map(|n| n as f64), 1.0)?;
-        positive("outliers.share", self.outliers.map(|o| o.share), 0.0)?;
-        positive("outliers.share", self.outliers.map(|o| 1.0 - o.share), 0.0)?;
-        positive("outliers.factor", self.outliers.map(|o| o.factor), 0.0)
+        at_least("distance", self.distance, 0.0)?;
+        at_least("start", self.start, 0.0)?;
+        at_least("poses", self.poses.map(|n| n as f64), 1.0)?;
+        at_least("outliers.share", self.outliers.map(|o| o.share), 0.0)?;
+        at_least("outliers.share", self.outliers.map(|o| 1.0 - o.share), 0.0)?;
+        at_least("outliers.factor", self.outliers.map(|o| o.factor), 0.0)
     }
 }
