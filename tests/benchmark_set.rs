@@ -35,8 +35,17 @@ fn every_problem_has_a_purpose_and_a_place_in_the_index() {
         stresses.extend(benchmark.stresses);
     }
     for wanted in [
-        "dimension", "condition", "lower mobility", "near-singular postures", "outliers", "sparse truth", "tight bounds",
-        "few poses", "bad start", "large noise", "position only",
+        "dimension",
+        "condition",
+        "lower mobility",
+        "near-singular postures",
+        "outliers",
+        "sparse truth",
+        "tight bounds",
+        "few poses",
+        "bad start",
+        "large noise",
+        "position only",
     ] {
         assert!(stresses.iter().any(|stress| stress == wanted), "nothing stresses {wanted}");
     }
@@ -55,7 +64,10 @@ fn references_are_what_comes_out() {
         let fit = score::score(&found.start, &found.geometry, &problem.holdout.samples).unwrap();
         let near = |what: &str, found: f64, wanted: f64| {
             let name = &problem.name;
-            assert!((found - wanted).abs() <= 0.02 * wanted, "{name}: {what} {found} where {wanted} is stated");
+            assert!(
+                (found - wanted).abs() <= 0.02 * wanted,
+                "{name}: {what} {found} where {wanted} is stated"
+            );
         };
         near("position", problem.units.from_metres(fit.position.unwrap().rms), reference.position_rms);
         if let Some(rotation) = reference.rotation_rms {
@@ -80,6 +92,9 @@ fn recipes_are_checked() {
         problem["benchmark"][key] = value;
         let spoiled = write(folder.path(), "m.json", &problem);
         let ran = support::gough("compare {0} --solvers minimal --seeds 1", &[&spoiled]);
-        assert!(ran.status == 2 && ran.stderr.contains("benchmark") && ran.stderr.contains(key), "{key}: {ran:?}");
+        assert!(
+            ran.status == 2 && ran.stderr.contains("benchmark") && ran.stderr.contains(key),
+            "{key}: {ran:?}"
+        );
     }
 }

@@ -95,13 +95,26 @@ fn equal_campaigns_give_equal_lines_whatever_the_threads_parts_and_interruptions
     }
     let page = fs::read_to_string(at("a/index.html")).unwrap();
     for figure in [
-        "success", "performance-evaluations", "performance-time", "data-profile", "accuracy-time", "consistency",
-        "success-start", "error-noise-serial-puma560", "error-noise-serial-scara",
+        "success",
+        "performance-evaluations",
+        "performance-time",
+        "data-profile",
+        "accuracy-time",
+        "consistency",
+        "success-start",
+        "error-noise-serial-puma560",
+        "error-noise-serial-scara",
     ] {
-        assert!(fs::read_to_string(at("a").join(format!("{figure}.svg"))).unwrap().contains("<svg"), "{figure}");
+        assert!(
+            fs::read_to_string(at("a").join(format!("{figure}.svg"))).unwrap().contains("<svg"),
+            "{figure}"
+        );
         assert!(page.contains(&format!("<figure id=\"{figure}\"")), "{figure}");
     }
-    assert!(!page.contains("http://") || page.matches("http://").count() == page.matches("http://www.w3.org").count());
+    assert!(
+        !page.contains("http://")
+            || page.matches("http://").count() == page.matches("http://www.w3.org").count()
+    );
 }
 
 /// Killed at some moments while lines are written, and taken up again, a campaign ends as one that was left alone.
@@ -157,7 +170,11 @@ fn refusals_name_the_place() {
     refused("compare {0} --solvers minimal,newton", &[&puma], &["unknown solver 'newton'", "minimal"]);
     refused("compare {0} --solvers map,map", &[&puma], &["map is named twice"]);
     refused("compare {0} --set map.weight", &[&puma], &["SOLVER.KEY=VALUE"]);
-    refused("compare {0} --solvers minimal --set map.weight=2", &[&puma], &["map is not among the --solvers"]);
+    refused(
+        "compare {0} --solvers minimal --set map.weight=2",
+        &[&puma],
+        &["map is not among the --solvers"],
+    );
     refused("compare {0} --set map.wait=2", &[&puma], &["no setting 'wait'", "weight"]);
     refused("compare {0} --noise 0", &[&puma], &["--noise 0", "above 0"]);
     refused("compare {0} --start -1", &[&puma], &["--start -1"]);
@@ -175,7 +192,8 @@ fn refusals_name_the_place() {
     let results = out.join("runs.jsonl");
     let text = fs::read_to_string(&results).unwrap();
     let lines: Vec<&str> = text.lines().collect();
-    let spoiled = |second: &str| fs::write(&results, format!("{}\n{second}\n{}\n", lines[0], lines[1])).unwrap();
+    let spoiled =
+        |second: &str| fs::write(&results, format!("{}\n{second}\n{}\n", lines[0], lines[1])).unwrap();
     for second in ["{\"format\": 1}", "nonsense", &lines[1][..50]] {
         spoiled(second);
         refused("compare {0} --solvers minimal --seeds 2 -o {1}", &[&puma, &out], &["runs.jsonl: line 2"]);
@@ -184,7 +202,7 @@ fn refusals_name_the_place() {
     spoiled(&lines[1].replace("gough-run/1", "gough-run/9"));
     refused("compare --merge {0}", &[&results], &["runs.jsonl: line 2", "gough-run/9"]);
     // One run, two results.
-    spoiled(&lines[1].replace("\"iterations\":", "\"iterations\":1"));
+    spoiled(&lines[1].replace("\"effort\":{\"iterations\":", "\"effort\":{\"iterations\":1"));
     refused("compare --merge {0}", &[&results], &["runs.jsonl: line 3", "another result of the same run"]);
     // Results that do not belong together.
     spoiled(&lines[1].replace("\"name\":\"default\"", "\"name\":\"tight\""));
@@ -205,7 +223,10 @@ fn without_a_truth() {
     let line = "compare {0} {1} --own-data --solvers minimal,textbook --seeds 3 -o {2}";
     let ran = gough(line, &[&held_out, &fitted, &out]);
     assert_eq!(ran.status, 0, "{}", ran.stderr);
-    for part in ["serial-puma560: the true machine is not known: scored on the hold-out alone", "scored on its fit alone"] {
+    for part in [
+        "serial-puma560: the true machine is not known: scored on the hold-out alone",
+        "scored on its fit alone",
+    ] {
         assert!(ran.stdout.contains(part), "{}", ran.stdout);
     }
     // Data are what they are: one run each, whatever the seeds.
@@ -215,6 +236,9 @@ fn without_a_truth() {
         let line: Value = serde_json::from_str(line).unwrap();
         assert!(line["score"]["ratio"].is_null() && line["score"]["consistency"].is_null());
         assert_eq!(line["verified"]["success"], true, "{line}");
-        assert_eq!(line["score"]["after"]["position"].is_null(), line["run"]["problem"]["name"] == "no-hold-out");
+        assert_eq!(
+            line["score"]["after"]["position"].is_null(),
+            line["run"]["problem"]["name"] == "no-hold-out"
+        );
     }
 }

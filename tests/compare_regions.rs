@@ -54,7 +54,10 @@ fn stated_regions_cover_the_truth() {
         let parameters = mean(|line| line.score.parameters.map(|p| (p.rms / p.bound).powi(2)).unwrap());
         let poses = mean(|line| line.score.ratio.unwrap().powi(2));
         eprintln!("{solver}: mean squared error {parameters:.4} and {poses:.4} times the bound");
-        assert!((parameters - 1.0).abs() < 0.06 && (poses - 1.0).abs() < 0.06, "{solver}: {parameters} {poses}");
+        assert!(
+            (parameters - 1.0).abs() < 0.06 && (poses - 1.0).abs() < 0.06,
+            "{solver}: {parameters} {poses}"
+        );
     }
 }
 
@@ -70,7 +73,13 @@ fn a_tenth_of_the_noise_is_a_tenth_of_error_and_bound() {
         let tenth = lines.iter().find(same).unwrap();
         let near = |a: f64, b: f64| assert!((a - b).abs() < 0.02 * b, "{a} {b}");
         near(10.0 * tenth.score.after.position.unwrap(), line.score.after.position.unwrap());
-        near(10.0 * tenth.score.bound.unwrap().position.unwrap(), line.score.bound.unwrap().position.unwrap());
-        near(10.0 * tenth.score.bound.unwrap().rotation.unwrap(), line.score.bound.unwrap().rotation.unwrap());
+        near(
+            10.0 * tenth.score.bound.unwrap().position.unwrap(),
+            line.score.bound.unwrap().position.unwrap(),
+        );
+        near(
+            10.0 * tenth.score.bound.unwrap().rotation.unwrap(),
+            line.score.bound.unwrap().rotation.unwrap(),
+        );
     }
 }

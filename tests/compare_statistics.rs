@@ -70,15 +70,20 @@ fn the_representative_is_the_same_machine() {
         let z = representative(machine, &truth);
         let coordinates = gough::calibration::Coordinates::new(machine, gough::problem::Form::Minimal);
         let same = machine.deviated(&coordinates.deviations(&z));
-        let size = |d: Vec<f64>| d.iter().map(|v| v * v).sum::<f64>();
-        let (all, least) = (
-            size(truth.deviations_from(&machine.nominal())),
-            size(same.deviations_from(&machine.nominal())),
-        );
+        let complete = gough::calibration::Coordinates::new(machine, gough::problem::Form::Complete);
+        let size = |machine: &gough::model::Geometry, nominal| {
+            complete.nearest(&machine.deviations_from(nominal)).iter().map(|u| u * u).sum::<f64>()
+        };
+        let nominal = machine.nominal();
+        let (all, least) = (size(&truth, &nominal), size(&same, &nominal));
         assert!(least < 0.9 * all, "{name}: {least} of {all}");
         for sample in problem.data.samples.iter().take(10) {
             let [a, b] = [&truth, &same].map(|g| close(machine, g, &sample.actuators).unwrap().tool());
-            assert!((a.p - b.p).norm() < 1e-12 && (a.r - b.r).norm() < 1e-12, "{name}: {}", (a.p - b.p).norm());
+            assert!(
+                (a.p - b.p).norm() < 1e-12 && (a.r - b.r).norm() < 1e-12,
+                "{name}: {}",
+                (a.p - b.p).norm()
+            );
         }
         let again = representative(machine, &same);
         let apart = again.iter().zip(&z).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

@@ -37,7 +37,13 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     seeds: u64,
     /// Factors on the noise, of which the instrument knows
-    #[arg(long, value_name = "1,0.1", value_delimiter = ',', default_value = "1", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "1,0.1",
+        value_delimiter = ',',
+        default_value = "1",
+        allow_negative_numbers = true
+    )]
     noise: Vec<f64>,
     /// Starts, in tolerances from nominal; what the problem recommends, or nominal, where this is left out
     #[arg(long, value_name = "0,1,5", value_delimiter = ',', allow_negative_numbers = true)]
@@ -207,7 +213,10 @@ fn planned(args: &Args) -> Result<Campaign, CliError> {
         let subject = subject(path, args)?;
         if let Some(other) = subjects.iter().find(|other| other.key.name == subject.key.name) {
             let (a, b) = (&other.problem.file, &subject.problem.file);
-            return usage(format!("{a} and {b} are both called {}: give each its own name", subject.key.name));
+            return usage(format!(
+                "{a} and {b} are both called {}: give each its own name",
+                subject.key.name
+            ));
         }
         subjects.push(subject);
     }

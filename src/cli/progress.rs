@@ -37,7 +37,8 @@ pub fn bar(count: u64) -> ProgressBar {
         return ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::hidden());
     }
     let bar = ProgressBar::new(count);
-    if let Ok(style) = ProgressStyle::with_template("{bar:32} {pos}/{len} runs, {elapsed} gone, {eta} to go") {
+    if let Ok(style) = ProgressStyle::with_template("{bar:32} {pos}/{len} runs, {elapsed} gone, {eta} to go")
+    {
         bar.set_style(style);
     }
     bar.enable_steady_tick(Duration::from_millis(200));

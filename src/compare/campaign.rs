@@ -1,6 +1,6 @@
 //! What is run: problems by noises by starts by seeds by identifiers, in this order.
 
-use super::line::{ProblemKey, RunKey, Source, SolverKey};
+use super::line::{ProblemKey, RunKey, SolverKey, Source};
 use super::tolerance::Tolerance;
 use crate::files::ProblemFile;
 use crate::solve::Identifier;
@@ -89,7 +89,8 @@ impl Subject {
 impl Contestant {
     /// The identifier with the settings that it has now.
     pub fn new(identifier: Box<dyn Identifier>) -> Self {
-        let settings = identifier.settings().into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        let settings =
+            identifier.settings().into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         let key = SolverKey { name: identifier.name().to_owned(), settings };
         Self { identifier, key }
     }

@@ -123,7 +123,8 @@ fn success(study: &Study, palette: &Palette) -> Figure {
     );
     rates(study, palette, figure, |index| {
         let runs = study.runs(index);
-        let (verified, all) = runs.fold((0, 0), |(v, n), line| (v + usize::from(line.verified.success), n + 1));
+        let (verified, all) =
+            runs.fold((0, 0), |(v, n), line| (v + usize::from(line.verified.success), n + 1));
         Some((verified, all))
     })
     .captioned("Share of all runs that the problem verifies, with 95 % intervals after Wilson.")

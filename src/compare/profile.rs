@@ -73,5 +73,7 @@ pub fn data(problems: &[Vec<Descent>], tau: f64) -> Vec<Profile> {
     let solvers = problems.iter().map(Vec::len).max().unwrap_or(0);
     let counts: Vec<Vec<f64>> = problems.iter().map(|runs| evaluations_to(runs, tau)).collect();
     let count = |row: &Vec<f64>, solver: usize| row.get(solver).copied().unwrap_or(f64::INFINITY);
-    (0..solvers).map(|solver| Profile::of(counts.iter().map(|row| count(row, solver)), counts.len())).collect()
+    (0..solvers)
+        .map(|solver| Profile::of(counts.iter().map(|row| count(row, solver)), counts.len()))
+        .collect()
 }

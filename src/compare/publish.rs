@@ -39,7 +39,8 @@ pub fn files(lines: &[RunLine]) -> Result<Vec<Named>, Mixed> {
     about = about.with(Part::Text(format!("Problems: {}.", names.join(", "))));
     let [claims, by_accuracy, by_problem] = tables;
     let overview = Section::new("Identifiers").with(Part::Table(claims)).with(Part::Table(by_accuracy));
-    let pictures = figures.into_iter().fold(Section::new("Figures"), |s, figure| s.with(Part::Figure(figure)));
+    let pictures =
+        figures.into_iter().fold(Section::new("Figures"), |s, figure| s.with(Part::Figure(figure)));
     let page = Page {
         title: "Comparison of identifiers".into(),
         intro: intro(&study, lines),
@@ -68,9 +69,31 @@ fn intro(study: &Study, lines: &[RunLine]) -> String {
 /// One row a run.
 fn all_runs(lines: &[RunLine]) -> Table {
     let columns = [
-        "problem", "hash", "#noise", "#start", "#seed", "identifier", "ended", "reason", "verified", "failed checks",
-        "#position / m", "#rotation / rad", "#in noise", "#by bound", "#parameters / tolerance", "#parameter bound / tolerance",
-        "#NEES", "#freedom", "#offset", "#cost", "#evaluations", "#iterations", "#wall / s", "#processor / s", "#memory / B",
+        "problem",
+        "hash",
+        "#noise",
+        "#start",
+        "#seed",
+        "identifier",
+        "ended",
+        "reason",
+        "verified",
+        "failed checks",
+        "#position / m",
+        "#rotation / rad",
+        "#in noise",
+        "#by bound",
+        "#parameters / tolerance",
+        "#parameter bound / tolerance",
+        "#NEES",
+        "#freedom",
+        "#offset",
+        "#cost",
+        "#evaluations",
+        "#iterations",
+        "#wall / s",
+        "#processor / s",
+        "#memory / B",
     ];
     let mut table = Table::new("runs", "Runs", &columns);
     let full = |value: Option<f64>| value.map_or_else(Cell::none, |v| Cell::number(v, 6));

@@ -22,8 +22,7 @@ pub struct Stage {
 impl Stage {
     /// Draws what the key says; the reason where it cannot be drawn.
     pub fn set(problem: &ProblemFile, key: &RunKey) -> Result<Self, String> {
-        let drawn =
-            draw(problem, key.data, key.noise, key.start, key.seed).map_err(|why| why.to_string())?;
+        let drawn = draw(problem, key.data, key.noise, key.start, key.seed).map_err(|why| why.to_string())?;
         let bound = bound(&drawn);
         let before = score::before(&drawn, bound.as_ref());
         Ok(Self { drawn, bound, before })
@@ -59,7 +58,15 @@ pub fn run(
             let score = score::after(&stage.before, &stage.drawn, stage.bound.as_ref(), &found, form);
             let verified = score::verify(&score, &key.tolerance);
             let effort = effort(&seen, &found, stage, form, score.cost);
-            RunLine { format, claimed: claimed(&found.report, &seen), verified, score, effort, cost, run: key }
+            RunLine {
+                format,
+                claimed: claimed(&found.report, &seen),
+                verified,
+                score,
+                effort,
+                cost,
+                run: key,
+            }
         }
         Err(reason) => {
             let score = stage.as_ref().map(|stage| stage.before.clone()).unwrap_or_default();
@@ -91,7 +98,9 @@ fn effort(seen: &Seen, found: &Identification, stage: &Stage, form: Form, cost: 
     let evaluations = seen.residuals + seen.jacobians;
     let mut falls: Vec<(f64, f64)> = match form {
         Form::Minimal | Form::Complete => seen.falls.iter().map(|f| (f.evaluations, f.cost)).collect(),
-        Form::Plain => seen.falls.iter().filter_map(|f| Some((f.evaluations, whitened(f, found, stage)?))).collect(),
+        Form::Plain => {
+            seen.falls.iter().filter_map(|f| Some((f.evaluations, whitened(f, found, stage)?))).collect()
+        }
     };
     if let Some(cost) = cost {
         falls.push((evaluations, cost));

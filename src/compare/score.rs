@@ -7,9 +7,9 @@ use super::line::{Consistency, Parameters, Prediction, Score, Verified};
 use super::offset::relative_offset;
 use super::tolerance::Tolerance;
 use crate::calibration::Sample;
+use crate::identify::run::weight;
 use crate::identify::score::score;
 use crate::identify::{Fit, Identification};
-use crate::identify::run::weight;
 use crate::linalg;
 use crate::model::{Geometry, Mechanism};
 use crate::problem::Form;
@@ -129,9 +129,7 @@ pub fn verify(score: &Score, tolerance: &Tolerance) -> Verified {
         _ => score.cost_nominal,
     };
     let within = |limit: f64| score.cost.is_some_and(|cost| cost <= limit * (1.0 + tolerance.cost));
-    let cost = check(least.map(within), &|| {
-        format!("cost {} above {}", shown(score.cost), shown(least))
-    });
+    let cost = check(least.map(within), &|| format!("cost {} above {}", shown(score.cost), shown(least)));
     let predicted = score.after.poses > 0 && score.after.poses >= score.before.poses;
     let prediction = match (score.bound, score.before.in_noise) {
         (Some(_), _) => Some(predicted && score.ratio.is_some_and(|ratio| ratio <= tolerance.prediction)),
@@ -144,5 +142,11 @@ pub fn verify(score: &Score, tolerance: &Tolerance) -> Verified {
         (true, None) => format!("hold-out error {} in noise", shown(score.after.in_noise)),
     });
     let known = stationary.is_some() || cost.is_some() || prediction.is_some();
-    Verified { success: known && reasons.is_empty(), stationary, cost, prediction, reason: reasons.join("; ") }
+    Verified {
+        success: known && reasons.is_empty(),
+        stationary,
+        cost,
+        prediction,
+        reason: reasons.join("; "),
+    }
 }

@@ -1,7 +1,7 @@
 //! Result lines on disk: written as each run ends, read again to resume and to merge.
 
 use super::line::{RUN_FORMAT, RunKey, RunLine};
-use crate::files::{FileError, Fault, Location, json};
+use crate::files::{Fault, FileError, Location, json};
 use std::collections::{BTreeMap, HashMap};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;

@@ -2,6 +2,7 @@
 
 use super::line::{RunLine, Source};
 use super::profile::Descent;
+use super::tolerance::Tolerance;
 use crate::solve::registry;
 use std::collections::BTreeMap;
 
@@ -125,7 +126,8 @@ impl<'a> Study<'a> {
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for problem in self.problems() {
-            let mut runs = self.conditions.iter().filter(|c| c.problem == problem).flat_map(|c| &c.runs).flatten();
+            let mut runs =
+                self.conditions.iter().filter(|c| c.problem == problem).flat_map(|c| &c.runs).flatten();
             let Some(line) = runs.find(|line| line.score.samples > 0) else { continue };
             if !line.score.truth {
                 let scored = if line.score.before.poses > 0 { "the hold-out alone" } else { "its fit alone" };
@@ -149,9 +151,13 @@ fn check(lines: &[RunLine], sample: &RunLine) -> Result<(), Mixed> {
     let mut hashes: BTreeMap<&str, &str> = BTreeMap::new();
     for line in lines {
         let (a, b) = (&sample.run, &line.run);
+        let tolerance = |of: &Tolerance| match a.tolerance.name == b.tolerance.name {
+            true => serde_json::to_string(of).unwrap_or_default(),
+            false => of.name.clone(),
+        };
         let limit = |limit: Option<usize>| limit.map_or_else(|| "none".into(), |n| n.to_string());
         let pairs = [
-            ("the tolerance", a.tolerance.name.clone(), b.tolerance.name.clone()),
+            ("the tolerance", tolerance(&a.tolerance), tolerance(&b.tolerance)),
             ("the limit of evaluations", limit(a.limit), limit(b.limit)),
             ("the version", a.version.clone(), b.version.clone()),
             ("the source of data", format!("{:?}", a.data), format!("{:?}", b.data)),

@@ -92,7 +92,8 @@ pub fn by_problem(study: &Study) -> Table {
             let n = runs.len();
             let of = |value: fn(&RunLine) -> f64| spread(runs.iter().map(move |line| value(line)));
             let covered = runs.iter().filter_map(|line| line.score.consistency);
-            let (regions, inside) = (covered.clone().count(), covered.filter(|c| c.probability <= 0.95).count());
+            let (regions, inside) =
+                (covered.clone().count(), covered.filter(|c| c.probability <= 0.95).count());
             let [position, position_spread] = of(|line| 1e6 * or_infinite(line.score.after.position));
             let [rotation, rotation_spread] = of(|line| 1e6 * or_infinite(line.score.after.rotation));
             let ratios = runs.iter().filter(|line| line.score.bound.is_some());

@@ -171,7 +171,11 @@ impl Counted<'_> {
             return Err(EvalError(format!("the limit of {limit} evaluations is reached")));
         }
         let (residuals, jacobians) = &mut tally.counts[self.index];
-        if jacobian { *jacobians += 1 } else { *residuals += 1 }
+        if jacobian {
+            *jacobians += 1
+        } else {
+            *residuals += 1
+        }
         Ok(())
     }
 
