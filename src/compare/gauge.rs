@@ -45,7 +45,8 @@ fn shift(limb: &Limb, own: &LimbCoordinates, links: &mut [Se3]) {
         });
         let u: Vec<f64> = deviations.zip(&own.sigma).map(|(d, sigma)| d / sigma).collect();
         let along = linalg::mul_transpose(slice.as_ref(), &u);
-        if !(linalg::norm(&along) > LEFT) {
+        let left = linalg::norm(&along);
+        if left <= LEFT || !left.is_finite() {
             return;
         }
         use faer::linalg::solvers::Solve;
