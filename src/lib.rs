@@ -52,13 +52,17 @@
 //! From the bottom up: [`lie`] rotations and rigid motions; [`linalg`] dense factorisations; [`problem`] what an
 //! identifier sees; [`model`] joints, limbs, postures; [`measure`] instruments; [`calibration`] machine and
 //! measurements as a problem; [`simulate`] synthetic measurements; [`solve`] identifiers; [`identify`] a whole
-//! identification; [`files`] problem and result files; [`render`] figures, tables and pages; [`compare`]
-//! identifiers side by side; [`cli`] the commands.
+//! identification; [`design`] which postures to measure; [`check`] mistakes in data; [`files`] problem and result
+//! files; [`formats`] those of other programs; [`render`] figures, tables and pages; [`compare`] identifiers side by
+//! side; [`cli`] the commands.
 
 pub mod calibration;
+pub mod check;
 pub mod cli;
 pub mod compare;
+pub mod design;
 pub mod files;
+pub mod formats;
 pub mod identify;
 pub mod lie;
 pub mod linalg;

@@ -16,7 +16,7 @@ fn main() -> ExitCode {
     };
     match run(&cli) {
         Ok(Ending::Done) => ExitCode::SUCCESS,
-        Ok(Ending::NotConverged) => ExitCode::from(1),
+        Ok(Ending::NotConverged | Ending::Suspicious) => ExitCode::from(1),
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::from(2)

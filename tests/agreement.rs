@@ -6,7 +6,7 @@ mod support;
 use gough::calibration::{Calibration, Sample};
 use gough::files::{DataPlaces, ProblemFile, read_problem};
 use gough::identify::{Identification, identify};
-use gough::measure::{Row, Weights};
+use gough::measure::{Evaluation, View, Weights};
 use gough::model::{Geometry, Mechanism, Posture};
 use gough::problem::Form;
 use gough::simulate::{Plan, draw_deviations, simulate};
@@ -71,10 +71,10 @@ fn apart(problem: &ProblemFile, a: &Geometry, b: &Geometry) -> f64 {
     };
     for sample in &problem.holdout.samples {
         let (one, other) = (predict(a, sample), predict(b, sample));
-        let mut rows = vec![Row::default(); sample.measurement.rows()];
-        sample.measurement.expected(&one).evaluate(&other, &mut rows);
-        square += rows.iter().map(|row| row.r * row.r).sum::<f64>();
-        count += rows.len() as f64;
+        let mut out = Evaluation::default();
+        sample.measurement.expected(&View::of_tool(&one)).evaluate(&View::of_tool(&other), &mut out);
+        square += out.square();
+        count += out.rows.len() as f64;
     }
     (square / count).sqrt()
 }
@@ -148,7 +148,7 @@ fn exact(problem: &ProblemFile, share: f64) -> Vec<Sample> {
     let mut posture = Posture::new(truth);
     let exact = |sample: &Sample| {
         sample.close(truth, &truth.nominal(), &mut posture).expect("the true machine closes");
-        let measurement = sample.measurement.expected(&posture.tool()).reweighted(weights);
+        let measurement = sample.measurement.expected(&View::of_tool(&posture.tool())).reweighted(weights);
         Sample { measurement, ..sample.clone() }
     };
     problem.data.samples.iter().map(exact).collect()
@@ -233,7 +233,7 @@ fn far_machine(problem: &ProblemFile, seed: u64) -> Vec<Sample> {
     samples
         .map(|((actuators, pose), like)| Sample {
             actuators: actuators.clone(),
-            measurement: like.measurement.expected(pose),
+            measurement: like.measurement.expected(&View::of_tool(pose)),
             ..like.clone()
         })
         .collect()

@@ -93,14 +93,22 @@ fn analysis_for_people_and_for_programs() {
     let problem = file("problems/tripod-3rps.json");
     let found: Value = serde_json::from_str(&done("analyze {0} --json", &[&problem]).stdout).unwrap();
     let keys: Vec<&String> = found.as_object().unwrap().keys().collect();
-    assert_eq!(keys, ["counts", "singular_values"]);
+    assert_eq!(keys, ["counts", "observability", "singular_values"]);
     let counts = &found["counts"];
     assert_eq!(counts["structural"], 60);
     let values = support::numbers(&found["singular_values"]);
     assert_eq!(values.len(), 60);
     let practical = values.iter().filter(|s| **s > 1.0).count();
     assert_eq!(counts["practical"], practical);
+    let indices = &found["observability"];
+    assert_eq!(indices["directions"], practical);
+    let smallest = values.iter().copied().filter(|s| *s > 1.0).fold(f64::INFINITY, f64::min);
+    assert_eq!(indices["o3"].as_f64().unwrap(), smallest);
     let text = done("analyze {0}", &[&problem]).stdout;
+    assert!(
+        text.contains(&format!("observability over the {practical} values above 1 (60 poses)")),
+        "{text}"
+    );
     for (count, word) in
         [("structural", "structural"), ("first_order", "first order"), ("practical", "practical")]
     {

@@ -8,7 +8,7 @@ use gough::files::result::RESULT_FORMAT;
 use gough::files::summary::{BeforeAfter, ChiSquare, Counts, Deviation, LinkResult, PoseErrors, TraceEntry};
 use gough::files::{DataDrawing, ProblemFile, ResultFile, SampleDrawing, Units, json, read_problem, redraw};
 use gough::lie::{Se3, so3};
-use gough::measure::Row;
+use gough::measure::{Evaluation, View};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 use spoiled::{assert_message, hexapod, places};
@@ -22,9 +22,10 @@ fn problem(value: &Value) -> ProblemFile {
 /// Whitened residuals of sample `i` at a tool pose.
 fn residuals(problem: &ProblemFile, i: usize, tool: &Se3) -> Vec<f64> {
     let measurement = &problem.data.samples[i].measurement;
-    let mut rows = vec![Row::default(); measurement.rows()];
-    measurement.evaluate(tool, &mut rows);
-    rows.iter().map(|row| row.r).collect()
+    let mut out = Evaluation::default();
+    measurement.evaluate(&View::of_tool(tool), &mut out);
+    assert_eq!(out.rows.len(), measurement.rows());
+    out.rows.iter().map(|row| row.r).collect()
 }
 
 fn assert_near(found: &[f64], wanted: &[f64]) {
@@ -66,9 +67,9 @@ fn data_without_noise_are_weighted_by_the_size_of_the_machine() {
     let length = assumed_noise(&read.mechanism)[(3, 3)].sqrt();
     assert_near(&residuals(&read, 0, &tool), &[0.0, 0.0, 0.0, 1e-3 / length, 0.0, 0.0]);
     let again = read.data.weighted(&(assumed_noise(&read.mechanism) * 4.0)).unwrap();
-    let mut rows = vec![Row::default(); 6];
-    again[0].measurement.evaluate(&tool, &mut rows);
-    assert_near(&[rows[3].r], &[0.5e-3 / length]);
+    let mut out = Evaluation::default();
+    again[0].measurement.evaluate(&View::of_tool(&tool), &mut out);
+    assert_near(&[out.rows[3].r], &[0.5e-3 / length]);
 }
 
 #[test]
@@ -159,6 +160,7 @@ fn result(read: &ProblemFile) -> ResultFile {
         weights: Vec::new(),
         singular_values: vec![2.0, 1.0],
         trace: vec![TraceEntry { cost: f64::INFINITY, step: 3.0, kept: Some(2) }],
+        instrument: Vec::new(),
         links: vec![LinkResult {
             limb: "limb1".into(),
             link: "ball.2".into(),

@@ -7,6 +7,7 @@ use gough::files::{DataPlaces, ProblemFile, read_problem};
 use gough::identify::{Identification, identify, score};
 use gough::lie::{Se3, so3};
 use gough::linalg;
+use gough::measure::View;
 use gough::model::Geometry;
 use gough::problem::{Form, Group, Problem};
 use gough::simulate::{close, draw_postures};
@@ -47,7 +48,7 @@ fn measured(problem: &ProblemFile, truth: &Geometry, seed: u64) -> Vec<Sample> {
     let mut sample = |actuators: Vec<f64>, like: &Sample| {
         let pose = close(machine, truth, &actuators).expect("it closed before").tool();
         let error = Vector6::from_fn(|_, _| StandardNormal.sample(&mut stream));
-        let measurement = like.measurement.expected(&moved(problem, &pose, &error));
+        let measurement = like.measurement.expected(&View::of_tool(&moved(problem, &pose, &error)));
         Sample { actuators, measurement, ..like.clone() }
     };
     postures.into_iter().zip(&problem.data.samples).map(|(q, like)| sample(q, like)).collect()
@@ -140,7 +141,7 @@ fn spoiled(problem: &ProblemFile, samples: &[Sample]) -> Vec<Sample> {
     let spoil = |(k, sample): (usize, &Sample)| {
         let off = Vector6::from_fn(|_, _| sign());
         let pose = sample.measurement.pose().expect("a whole pose");
-        let measurement = sample.measurement.expected(&moved(problem, pose, &off));
+        let measurement = sample.measurement.expected(&View::of_tool(&moved(problem, pose, &off)));
         if k % 10 == 3 { Sample { measurement, ..sample.clone() } } else { sample.clone() }
     };
     samples.iter().enumerate().map(spoil).collect()

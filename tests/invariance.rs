@@ -187,7 +187,7 @@ fn with_limbs_in_another_order() {
         let samples: Vec<Sample> =
             case.samples.iter().map(|s| Sample { actuators: reorder(&s.actuators), ..s.clone() }).collect();
         let fresh: Vec<Vec<f64>> = case.fresh.iter().map(|q| reorder(q)).collect();
-        let (poses, _) = predicted(&Mechanism { limbs }, &samples, &fresh);
+        let (poses, _) = predicted(&Mechanism { limbs, instrument: Vec::new() }, &samples, &fresh);
         assert_same(&case, "limbs reordered", &poses);
     }
 }

@@ -10,7 +10,7 @@ use faer::Mat;
 use gough::calibration::{Calibration, Sample};
 use gough::files::{DataPlaces, read_problem};
 use gough::lie::{Se3, so3};
-use gough::measure::{Measurement, Pose, Row, Weights};
+use gough::measure::{Evaluation, Measurement, Pose, View, Weights};
 use gough::model::Mechanism;
 use gough::problem::{Form, Problem, check};
 use gough::simulate::draw_deviations;
@@ -176,8 +176,9 @@ fn of_measurements() {
             _ => Arc::new(pose),
         };
         let evaluate = |tool: &Se3| {
-            let mut rows = vec![Row::default(); pose.rows()];
-            pose.evaluate(tool, &mut rows);
+            let mut out = Evaluation::default();
+            pose.evaluate(&View::of_tool(tool), &mut out);
+            let rows = out.rows;
             rows
         };
         let rows = evaluate(&tool);

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 14] = [
+const LAYERS: [(&str, &[&str]); 17] = [
     ("lie", &[]),
     ("linalg", &["problem"]),
     // A problem knows no robot, no file and no terminal.
@@ -16,6 +16,9 @@ const LAYERS: [(&str, &[&str]); 14] = [
     ("solve", &["linalg", "problem"]),
     ("simulate", &["lie", "model", "measure"]),
     ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "solve"]),
+    // Plans postures; what it plans for and where it writes is not its business.
+    ("design", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "identify"]),
+    ("check", &["lie", "model", "measure", "calibration", "simulate", "identify"]),
     ("files", &["lie", "model", "measure", "calibration"]),
     // Figures and pages are data in, bytes out.
     ("render", &[]),
@@ -35,6 +38,7 @@ const LAYERS: [(&str, &[&str]); 14] = [
             "render",
         ],
     ),
+    ("formats", &["lie", "model", "files"]),
     (
         "cli",
         &[
@@ -47,9 +51,12 @@ const LAYERS: [(&str, &[&str]); 14] = [
             "solve",
             "simulate",
             "identify",
+            "design",
+            "check",
             "files",
             "render",
             "compare",
+            "formats",
         ],
     ),
     ("lib", &[]),

@@ -9,10 +9,11 @@
 //! Jacobians are assembled in the slice, compressed there, and only then carried to `x` by one small matrix a
 //! limb. This never multiplies the tall Jacobian by a basis.
 
+use super::redundancy::{pivot_rows, redundancy, redundancy_of};
 use crate::lie::Se3;
 use crate::lie::se3::{self, Twist};
 use crate::linalg;
-use crate::model::{Geometry, Limb, Mechanism, Prior};
+use crate::model::{Constant, Geometry, Limb, Mechanism, Prior, Quantity};
 use crate::problem::{Form, Group, Param};
 use faer::Mat;
 
@@ -24,16 +25,20 @@ const FREE: f64 = 1.0;
 pub struct Coordinates {
     /// One entry per limb.
     pub limbs: Vec<LimbCoordinates>,
+    /// The instrument's constants, behind the limbs: each is its own coordinate, none is redundant.
+    pub instrument: LimbCoordinates,
     form: Form,
 }
 
-/// Coordinates of one limb.
+/// Coordinates of one limb, or of the instrument.
 #[derive(Clone, Debug)]
 pub struct LimbCoordinates {
-    /// Components (of 6 per link) that are not held.
+    /// Components (of 6 per link; the instrument's constants) that are not held.
     pub free: Vec<usize>,
     /// Components that make the slice, ascending.
     pub slice: Vec<usize>,
+    /// The same per link: which rotations and which translations; empty for constants.
+    pub in_slice: Vec<[[bool; 3]; 2]>,
     /// Components that the redundancy is solved for.
     pivots: Vec<usize>,
     /// Standard deviation of each component, rad or m; 0 where held.
@@ -62,6 +67,10 @@ impl Coordinates {
             let scaled = Mat::from_fn(free.len(), null.ncols(), |i, j| null[(free[i], j)] / sigma[free[i]]);
             let pivots: Vec<usize> = pivot_rows(&scaled).into_iter().map(|i| free[i]).collect();
             let slice: Vec<usize> = free.iter().copied().filter(|i| !pivots.contains(i)).collect();
+            let mut in_slice = vec![[[false; 3]; 2]; limb.links.len()];
+            for &i in &slice {
+                in_slice[i / 6][i % 6 / 3][i % 3] = true;
+            }
             let basis = match form {
                 Form::Minimal => linalg::complement(scaled.as_ref())
                     .unwrap_or_else(|| Mat::identity(free.len(), free.len())),
@@ -69,33 +78,51 @@ impl Coordinates {
             };
             let count = basis.ncols();
             let columns = slice.len();
-            limbs.push(LimbCoordinates { free, slice, pivots, sigma, basis, offset, count, slice_offset });
+            limbs.push(LimbCoordinates {
+                free,
+                slice,
+                in_slice,
+                pivots,
+                sigma,
+                basis,
+                offset,
+                count,
+                slice_offset,
+            });
             offset += count;
             slice_offset += columns;
         }
-        Self { limbs, form }
+        let instrument = LimbCoordinates::of_constants(&mechanism.instrument, length, offset, slice_offset);
+        Self { limbs, instrument, form }
+    }
+
+    /// The limbs, then the instrument.
+    pub fn blocks(&self) -> impl Iterator<Item = &LimbCoordinates> {
+        self.limbs.iter().chain([&self.instrument])
     }
 
     /// Coordinates of limb `i` alone.
     pub fn of_limb(&self, i: usize) -> Coordinates {
         let limb = LimbCoordinates { offset: 0, slice_offset: 0, ..self.limbs[i].clone() };
-        Coordinates { limbs: vec![limb], form: self.form }
+        let instrument = LimbCoordinates::of_constants(&[], 1.0, limb.count, limb.slice.len());
+        Coordinates { limbs: vec![limb], instrument, form: self.form }
     }
 
     /// Number of coordinates `x`.
     pub fn count(&self) -> usize {
-        self.limbs.last().map_or(0, |limb| limb.offset + limb.count)
+        self.instrument.offset + self.instrument.count
     }
 
-    /// Number of slice columns, which is the structural count of identifiable parameters.
+    /// Number of slice columns, which is the structural count of identifiable parameters, constants of the instrument
+    /// included.
     pub fn slice_count(&self) -> usize {
-        self.limbs.last().map_or(0, |limb| limb.slice_offset + limb.slice.len())
+        self.instrument.slice_offset + self.instrument.slice.len()
     }
 
-    /// Link deviations (rad, m; six per link) at `x`.
+    /// Deviations (rad, m; six per link, then the instrument's constants) at `x`.
     pub fn deviations(&self, x: &[f64]) -> Vec<f64> {
         let mut out = Vec::new();
-        for limb in &self.limbs {
+        for limb in self.blocks() {
             let mut d = vec![0.0; limb.sigma.len()];
             let u = linalg::mul(limb.basis.as_ref(), &x[limb.offset..limb.offset + limb.count]);
             for (&i, u) in limb.free.iter().zip(&u) {
@@ -110,7 +137,7 @@ impl Coordinates {
     pub fn nearest(&self, deviations: &[f64]) -> Vec<f64> {
         let mut x = Vec::with_capacity(self.count());
         let mut start = 0;
-        for limb in &self.limbs {
+        for limb in self.blocks() {
             let u: Vec<f64> = limb.free.iter().map(|&i| deviations[start + i] / self.unit(limb, i)).collect();
             x.extend(linalg::mul_transpose(limb.basis.as_ref(), &u));
             start += limb.sigma.len();
@@ -127,7 +154,7 @@ impl Coordinates {
     }
 
     /// Per limb, the matrix (slice x count) that takes `dx` to slice twists, at deviations `d` with links as in
-    /// `geometry`.
+    /// `geometry`; last, that of the instrument.
     pub fn transforms(&self, mechanism: &Mechanism, geometry: &Geometry, d: &[f64]) -> Vec<Mat<f64>> {
         let mut start = 0;
         let mut out = Vec::with_capacity(self.limbs.len());
@@ -138,6 +165,8 @@ impl Coordinates {
             out.push(project * twists);
             start += size;
         }
+        let units: Vec<f64> = self.instrument.free.iter().map(|&i| self.unit(&self.instrument, i)).collect();
+        out.push(Mat::from_fn(units.len(), units.len(), |i, j| if i == j { units[i] } else { 0.0 }));
         out
     }
 
@@ -230,10 +259,15 @@ impl Coordinates {
                 });
             }
         }
+        params.extend(mechanism.instrument.iter().enumerate().map(|(i, constant)| {
+            let unit = self.unit(&self.instrument, i);
+            let limit = constant.bounds.map_or(f64::INFINITY, |limit| limit / unit);
+            Param { name: constant.name(), unit: constant.unit(), scale: unit, bounds: (-limit, limit) }
+        }));
         params
     }
 
-    /// The components of each link, in complete forms.
+    /// The components of each link and of each thing that the instrument refers to, in complete forms.
     pub fn groups(&self, mechanism: &Mechanism) -> Vec<Group> {
         if self.form == Form::Minimal {
             return Vec::new();
@@ -250,11 +284,38 @@ impl Coordinates {
                 }
             }
         }
+        for (i, constant) in mechanism.instrument.iter().enumerate() {
+            match groups.last_mut().filter(|group| i > 0 && group.name == constant.element) {
+                Some(group) => group.members.push(next + i),
+                None => groups.push(Group { name: constant.element.clone(), members: vec![next + i] }),
+            }
+        }
         groups
     }
 }
 
 impl LimbCoordinates {
+    /// Coordinates of constants, none of them redundant; `length` is the machine's size, m.
+    fn of_constants(constants: &[Constant], length: f64, offset: usize, slice_offset: usize) -> Self {
+        let count = constants.len();
+        let sigma = |constant: &Constant| match (constant.prior, constant.quantity) {
+            (Prior::Sigma(sigma), _) => sigma,
+            (Prior::Free, Quantity::Length) => FREE * length,
+            (Prior::Free | Prior::Held, _) => FREE,
+        };
+        Self {
+            free: (0..count).collect(),
+            slice: (0..count).collect(),
+            in_slice: Vec::new(),
+            pivots: Vec::new(),
+            sigma: constants.iter().map(sigma).collect(),
+            basis: Mat::identity(count, count),
+            offset,
+            count,
+            slice_offset,
+        }
+    }
+
     /// Matrix (slice x complete) that replaces a body twist by the one in the slice that no pose tells from it.
     fn projection(&self, limb: &Limb, links: &[Se3]) -> Mat<f64> {
         let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());
@@ -289,91 +350,4 @@ fn sigmas(link: &crate::model::Link, length: f64) -> [f64; 6] {
     let angle = sigma(link.tolerance.angle, FREE);
     let translation = sigma(link.tolerance.length, FREE * length);
     [angle, angle, angle, translation, translation, translation]
-}
-
-/// Redundant body twists (complete x k) that leave held components alone, as many as a machine has that deviates.
-///
-/// Where a link is held in part, parallel or square axes may hide at nominal that its other components matter: only
-/// what stays redundant once they deviate is taken, continued to the nominal machine.
-fn redundancy(limb: &Limb, links: &[Se3], sigma: &[f64]) -> Mat<f64> {
-    let (generic, _) = null_coefficients(limb, &apart(links, sigma), sigma, 0);
-    let (here, all) = null_coefficients(limb, links, sigma, generic.ncols());
-    match here.ncols() > generic.ncols() {
-        true => all * (&here * (here.transpose() * generic)),
-        false => all * here,
-    }
-}
-
-/// All redundant body twists at these links that leave held components alone: `count` or, where axes are special,
-/// more.
-fn redundancy_of(limb: &Limb, links: &[Se3], sigma: &[f64], count: usize) -> Mat<f64> {
-    if sigma.iter().all(|sigma| *sigma > 0.0) {
-        return null_matrix(limb, links);
-    }
-    let (here, all) = null_coefficients(limb, links, sigma, count);
-    all * here
-}
-
-fn null_matrix(limb: &Limb, links: &[Se3]) -> Mat<f64> {
-    let columns = limb.null_basis(links);
-    Mat::from_fn(6 * links.len(), columns.len(), |i, j| columns[j][i])
-}
-
-/// Combinations of the null basis, `least` or more, that leave held components alone; and the null basis.
-fn null_coefficients(limb: &Limb, links: &[Se3], sigma: &[f64], least: usize) -> (Mat<f64>, Mat<f64>) {
-    let all = null_matrix(limb, links);
-    let held: Vec<usize> = (0..sigma.len()).filter(|&i| sigma[i] == 0.0).collect();
-    if held.is_empty() {
-        return (Mat::identity(all.ncols(), all.ncols()), all);
-    }
-    let at_held = Mat::from_fn(held.len(), all.ncols(), |i, j| all[(held[i], j)]);
-    let coefficients = match linalg::svd(at_held.as_ref()) {
-        Some(svd) => {
-            let largest = svd.s.first().copied().unwrap_or(0.0).max(1.0);
-            let rank = svd.s.iter().filter(|v| **v > 1e-9 * largest).count();
-            svd.v.get(.., rank.min(all.ncols() - least)..).to_owned()
-        }
-        None => Mat::zeros(all.ncols(), 0),
-    };
-    (coefficients, all)
-}
-
-/// The links, each deviated by some 0.05 rad and m in every component that is not held, no two alike.
-fn apart(links: &[Se3], sigma: &[f64]) -> Vec<Se3> {
-    let moved = links.iter().zip(sigma.chunks_exact(6)).enumerate().map(|(j, (link, sigma))| {
-        let some = |i: usize| if sigma[i] > 0.0 { 0.05 * (1.0 + (6 * j + i) as f64).sin() } else { 0.0 };
-        *link * se3::exp(&Twist::from_fn(|i, _| some(i)))
-    });
-    moved.collect()
-}
-
-/// Rows that complete pivoting picks for the k columns of `a`.
-fn pivot_rows(a: &Mat<f64>) -> Vec<usize> {
-    let mut work = a.clone();
-    let mut rows: Vec<usize> = Vec::with_capacity(a.ncols());
-    let mut columns: Vec<usize> = (0..a.ncols()).collect();
-    while !columns.is_empty() {
-        let mut best = (0, 0, 0.0);
-        for (at, &j) in columns.iter().enumerate() {
-            for i in (0..work.nrows()).filter(|i| !rows.contains(i)) {
-                // Strictly larger by more than rounding, so that equal candidates keep their order.
-                if work[(i, j)].abs() > best.2 * (1.0 + 1e-6) {
-                    best = (i, at, work[(i, j)].abs());
-                }
-            }
-        }
-        let (row, at, size) = best;
-        if size == 0.0 {
-            break;
-        }
-        let pivot = columns.remove(at);
-        rows.push(row);
-        for &j in &columns {
-            let factor = work[(row, j)] / work[(row, pivot)];
-            for i in 0..work.nrows() {
-                work[(i, j)] -= factor * work[(i, pivot)];
-            }
-        }
-    }
-    rows
 }

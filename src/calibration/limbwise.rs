@@ -8,7 +8,7 @@ use super::rows::RowWriter;
 use super::sample::Sample;
 use crate::lie::Se3;
 use crate::linalg::RowBlock;
-use crate::measure::Row;
+use crate::measure::{Evaluation, Row, View};
 use crate::model::mechanism::pose_difference;
 use crate::model::{Geometry, Mechanism, Posture};
 use crate::problem::{EvalError, Linearized, Param, Problem};
@@ -35,13 +35,13 @@ impl LimbStart {
     /// `None` where less than a whole pose was measured.
     pub fn new(sample: &Sample, actuators: &[f64], passive: &[f64]) -> Option<Self> {
         let measured = *sample.measurement.pose()?;
-        let mut rows = [Row::default(); 6];
-        if sample.measurement.rows() != rows.len() {
+        if sample.measurement.rows() != 6 {
             return None;
         }
         // At the measured pose itself the derivative is the whitening matrix.
-        sample.measurement.evaluate(&measured, &mut rows);
-        let root = Matrix6::from_fn(|i, j| rows[i].by_tool[j]).try_inverse()?;
+        let mut there = Evaluation::default();
+        sample.measurement.evaluate(&View::of_tool(&measured), &mut there);
+        let root = Matrix6::from_fn(|i, j| there.rows[i].by_tool[j]).try_inverse()?;
         let (actuators, passive) = (actuators.to_vec(), passive.to_vec());
         Some(Self { name: sample.name.clone(), actuators, passive, measured, root })
     }
@@ -59,7 +59,7 @@ pub struct LimbProblem {
 impl LimbProblem {
     /// Limb `i` of a machine in the coordinates that it has there.
     pub fn new(mechanism: &Mechanism, coordinates: &Coordinates, i: usize, starts: Vec<LimbStart>) -> Self {
-        let mechanism = Mechanism { limbs: vec![mechanism.limbs[i].clone()] };
+        let mechanism = Mechanism { limbs: vec![mechanism.limbs[i].clone()], instrument: Vec::new() };
         let coordinates = coordinates.of_limb(i);
         let params = coordinates.params(&mechanism);
         Self { mechanism, coordinates, starts, params }

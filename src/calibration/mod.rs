@@ -3,9 +3,10 @@
 pub mod coordinates;
 pub mod limbwise;
 pub mod problem;
+mod redundancy;
 pub mod rows;
 pub mod sample;
 
 pub use coordinates::{Coordinates, LimbCoordinates};
 pub use problem::Calibration;
-pub use sample::{Sample, SetAside};
+pub use sample::{Postures, Sample, SetAside, close_at};

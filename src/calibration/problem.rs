@@ -3,9 +3,9 @@
 use super::coordinates::Coordinates;
 use super::limbwise::{LimbProblem, LimbStart};
 use super::rows::RowWriter;
-use super::sample::{Sample, SetAside};
+use super::sample::{Postures, Sample, SetAside};
 use crate::linalg::{self, RowBlock, RowStream};
-use crate::measure::Row;
+use crate::measure::Evaluation;
 use crate::model::{Geometry, Mechanism, NotClosed, Posture};
 use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
 use faer::{Mat, MatRef};
@@ -19,6 +19,8 @@ const CHUNK: usize = 128;
 struct Start<'a> {
     sample: &'a Sample,
     passive: Vec<f64>,
+    /// Of the second posture; empty where there is one.
+    second: Vec<f64>,
 }
 
 /// A machine with measurements, in the coordinates of one [`Form`].
@@ -47,20 +49,25 @@ impl<'a> Calibration<'a> {
     /// wrench matrix has a ratio of extreme singular values below `least`.
     pub fn take_back(&mut self, samples: &'a [Sample], at: &[f64], least: f64) {
         let geometry = self.mechanism.deviated(at);
-        let close = |posture: &mut Posture, sample: &Sample| {
-            sample.close(self.mechanism, &geometry, posture)?;
-            match if least > 0.0 { posture.regularity() } else { 1.0 } {
-                smallest if smallest < least => Err(NotClosed::Singular { smallest }),
-                _ => Ok(posture.passive(self.mechanism)),
+        let close = |postures: &mut Postures, sample: &Sample| {
+            sample.close_all(self.mechanism, &geometry, postures)?;
+            let two = sample.measurement.second().is_some();
+            let regular = |at: bool, posture: &Posture| if at { posture.regularity() } else { 1.0 };
+            let smallest =
+                regular(least > 0.0, &postures.first).min(regular(least > 0.0 && two, &postures.second));
+            if smallest < least {
+                return Err(NotClosed::Singular { smallest });
             }
+            let second = if two { postures.second.passive(self.mechanism) } else { Vec::new() };
+            Ok((postures.first.passive(self.mechanism), second))
         };
-        let closed: Vec<Result<Vec<f64>, SetAside>> = samples
+        let closed: Vec<Result<(Vec<f64>, Vec<f64>), SetAside>> = samples
             .par_iter()
             .enumerate()
             .map_init(
-                || Posture::new(self.mechanism),
-                |posture, (index, sample)| {
-                    close(posture, sample).map_err(|reason| SetAside {
+                || Postures::new(self.mechanism),
+                |postures, (index, sample)| {
+                    close(postures, sample).map_err(|reason| SetAside {
                         sample: index,
                         name: sample.name.clone(),
                         reason,
@@ -72,7 +79,7 @@ impl<'a> Calibration<'a> {
         self.set_aside.clear();
         for (sample, outcome) in samples.iter().zip(closed) {
             match outcome {
-                Ok(passive) => self.starts.push(Start { sample, passive }),
+                Ok((passive, second)) => self.starts.push(Start { sample, passive, second }),
                 Err(set_aside) => self.set_aside.push(set_aside),
             }
         }
@@ -103,22 +110,24 @@ impl<'a> Calibration<'a> {
         &self,
         starts: &[Start<'_>],
         geometry: &Geometry,
-        mut visit: impl FnMut(&Posture, &[Row]),
+        mut visit: impl FnMut(&Postures, &Evaluation),
     ) -> Result<(), EvalError> {
-        let mut posture = Posture::new(self.mechanism);
-        let mut rows = Vec::new();
-        for start in starts {
-            posture.set_joints(self.mechanism, &start.sample.actuators, &start.passive);
-            posture
-                .close(self.mechanism, geometry)
-                .map_err(|why| EvalError(format!("{}: {why}", start.sample.name)))?;
-            rows.clear();
-            rows.resize(start.sample.measurement.rows(), Row::default());
-            start.sample.measurement.evaluate(&posture.tool(), &mut rows);
-            if rows.iter().any(|row| !row.r.is_finite()) {
-                return Err(EvalError(format!("{}: residual is not finite", start.sample.name)));
+        let mut postures = Postures::new(self.mechanism);
+        let mut evaluation = Evaluation::default();
+        for Start { sample, passive, second } in starts {
+            let open = |why: NotClosed| EvalError(format!("{}: {why}", sample.name));
+            postures.first.set_joints(self.mechanism, &sample.actuators, passive);
+            postures.first.close(self.mechanism, geometry).map_err(open)?;
+            if let Some(actuators) = sample.measurement.second() {
+                postures.second.set_joints(self.mechanism, actuators, second);
+                postures.second.close(self.mechanism, geometry).map_err(open)?;
             }
-            visit(&posture, &rows);
+            evaluation.clear();
+            sample.measurement.evaluate(&postures.view(sample, geometry), &mut evaluation);
+            if evaluation.rows.iter().any(|row| !row.r.is_finite()) {
+                return Err(EvalError(format!("{}: residual is not finite", sample.name)));
+            }
+            visit(&postures, &evaluation);
         }
         Ok(())
     }
@@ -141,10 +150,10 @@ impl<'a> Calibration<'a> {
             let expected = starts.iter().map(|start| start.sample.measurement.rows()).sum();
             let mut stream = RowStream::new(columns, expected);
             let mut writer = RowWriter::default();
-            self.visit(starts, geometry, |posture, rows| {
-                let block = stream.next(rows.len());
-                writer.write(self.mechanism, &self.coordinates, posture, rows, block);
-                stream.add_square(rows.iter().map(|row| row.r * row.r).sum());
+            self.visit(starts, geometry, |postures, sample| {
+                let block = stream.next(sample.rows.len());
+                writer.write(self.mechanism, &self.coordinates, postures, sample, block);
+                stream.add_square(sample.square());
             })?;
             Ok(stream.finish())
         };
@@ -168,10 +177,10 @@ impl<'a> Calibration<'a> {
         data.resize(total * (self.coordinates.slice_count() + 1), 0.0);
         let mut first = 0;
         let mut writer = RowWriter::default();
-        self.visit(&self.starts, geometry, |posture, rows| {
-            let block = RowBlock::new(data, total, first, rows.len());
-            writer.write(self.mechanism, &self.coordinates, posture, rows, block);
-            first += rows.len();
+        self.visit(&self.starts, geometry, |postures, sample| {
+            let block = RowBlock::new(data, total, first, sample.rows.len());
+            writer.write(self.mechanism, &self.coordinates, postures, sample, block);
+            first += sample.rows.len();
         })
     }
 
@@ -184,7 +193,7 @@ impl<'a> Calibration<'a> {
     /// `a * blockdiag(transforms)`, limb by limb.
     fn carry(&self, a: MatRef<'_, f64>, transforms: &[Mat<f64>]) -> Mat<f64> {
         let mut out = Mat::zeros(a.nrows(), self.coordinates.count());
-        for (limb, transform) in self.coordinates.limbs.iter().zip(transforms) {
+        for (limb, transform) in self.coordinates.blocks().zip(transforms) {
             let columns = a.get(.., limb.slice_offset..limb.slice_offset + limb.slice.len());
             out.as_mut().subcols_mut(limb.offset, limb.count).copy_from(columns * transform);
         }
@@ -209,7 +218,7 @@ impl Problem for Calibration<'_> {
         let (_, geometry) = self.at(x);
         let chunk = |starts: &[Start<'_>]| -> Result<Vec<f64>, EvalError> {
             let mut r = Vec::new();
-            self.visit(starts, &geometry, |_, rows| r.extend(rows.iter().map(|row| row.r)))?;
+            self.visit(starts, &geometry, |_, sample| r.extend(sample.rows.iter().map(|row| row.r)))?;
             Ok(r)
         };
         Ok(self.by_chunks(chunk)?.concat())
@@ -239,15 +248,13 @@ impl Problem for Calibration<'_> {
         let chunk = |starts: &[Start<'_>]| -> Result<(f64, Vec<f64>), EvalError> {
             let (mut square, mut by_slice) = (0.0, vec![0.0; columns]);
             let mut writer = RowWriter::default();
-            let mut data = Vec::new();
-            self.visit(starts, &geometry, |posture, rows| {
-                data.resize(rows.len() * (columns + 1), 0.0);
-                let block = RowBlock::new(&mut data, rows.len(), 0, rows.len());
-                writer.write(self.mechanism, &self.coordinates, posture, rows, block);
-                for (sum, column) in by_slice.iter_mut().zip(data.chunks_exact(rows.len().max(1))) {
-                    *sum += column.iter().zip(rows).map(|(j, row)| j * row.r).sum::<f64>();
-                }
-                square += rows.iter().map(|row| row.r * row.r).sum::<f64>();
+            let mut data = vec![0.0; columns + 1];
+            self.visit(starts, &geometry, |postures, sample| {
+                // r'J is linear in the rows: their sum is carried through the machine as one.
+                let block = RowBlock::new(&mut data, 1, 0, 1);
+                writer.write(self.mechanism, &self.coordinates, postures, &sample.weighted_sum(), block);
+                by_slice.iter_mut().zip(&data).for_each(|(sum, part)| *sum += part);
+                square += sample.square();
             })?;
             Ok((square, by_slice))
         };
@@ -258,15 +265,18 @@ impl Problem for Calibration<'_> {
         }
         let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
         let mut by_x = Vec::with_capacity(x.len());
-        for (limb, transform) in self.coordinates.limbs.iter().zip(&transforms) {
+        for (limb, transform) in self.coordinates.blocks().zip(&transforms) {
             let part = &by_slice[limb.slice_offset..limb.slice_offset + limb.slice.len()];
             by_x.extend(linalg::mul_transpose(transform.as_ref(), part));
         }
         Ok((0.5 * square, by_x))
     }
 
-    /// One part a limb, where every posture was measured as a whole pose.
+    /// One part a limb, where every posture was measured as a whole pose and nothing else is unknown.
     fn parts(&self) -> Option<Vec<Part<'_>>> {
+        if self.coordinates.instrument.count > 0 {
+            return None;
+        }
         let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
         let (mut actuator, mut passive) = (0, 0);
         for (i, limb) in self.mechanism.limbs.iter().enumerate() {

@@ -1,17 +1,18 @@
 //! Rows of the error Jacobian of one posture (12), in slice columns.
 
 use super::coordinates::{Coordinates, LimbCoordinates};
+use super::sample::Postures;
 use crate::lie::Se3;
 use crate::linalg::RowBlock;
-use crate::measure::Row;
+use crate::measure::{Evaluation, Row};
 use crate::model::{Mechanism, Posture};
 use nalgebra::Vector3;
 
 /// Rows handled together.
 const LANES: usize = 6;
 
-/// Derivatives of up to six residuals by a twist, one array a component: rad first, then m.
-type Lanes = [[f64; LANES]; 6];
+/// Derivatives of up to six residuals by a twist, one array a component: by its rotation (rad), by its translation (m).
+type Lanes = [[[f64; LANES]; 3]; 2];
 
 /// Writes rows posture by posture; holds what it needs from one to the next.
 #[derive(Default)]
@@ -21,7 +22,7 @@ pub struct RowWriter {
 }
 
 impl RowWriter {
-    /// Writes `[J r]` of one closed posture over `out` (rows x (slice count + 1)).
+    /// Writes `[J r]` of one closed sample over `out` (rows x (slice count + 1)).
     ///
     /// Of the platform's twist `Jr^-1 blockdiag(W_i Phi_i) x` a limb sees only its own wrenches: its rows are
     /// `(by_tool Jr^-1)_i W_i`, a covector `(w, v)` at the tool point. Moved to a link's origin, which lies `lever`
@@ -31,25 +32,62 @@ impl RowWriter {
         &mut self,
         mechanism: &Mechanism,
         coordinates: &Coordinates,
-        posture: &Posture,
-        rows: &[Row],
+        postures: &Postures,
+        sample: &Evaluation,
         mut out: RowBlock<'_>,
+    ) {
+        let by_tool = |k: usize| &sample.rows[k].by_tool;
+        self.write_posture::<false>(mechanism, coordinates, &postures.first, sample, by_tool, &mut out);
+        if !sample.by_second.is_empty() {
+            let second = |k: usize| &sample.by_second[k];
+            self.write_posture::<true>(mechanism, coordinates, &postures.second, sample, second, &mut out);
+        }
+        for k in 0..coordinates.instrument.slice.len() {
+            out.column(coordinates.instrument.slice_offset + k).fill(0.0);
+        }
+        for by in &sample.by_constant {
+            out.column(coordinates.instrument.slice_offset + by.constant)[by.row] += by.value;
+        }
+        for (entry, row) in out.column(coordinates.slice_count()).iter_mut().zip(&sample.rows) {
+            *entry = row.r;
+        }
+    }
+
+    /// Writes the columns of all limbs, or adds to them: by the tool twist of one posture. What single limbs' own twists
+    /// add belongs to the first.
+    fn write_posture<'e, const ADD: bool>(
+        &mut self,
+        mechanism: &Mechanism,
+        coordinates: &Coordinates,
+        posture: &Posture,
+        sample: &'e Evaluation,
+        by_tool: impl Fn(usize) -> &'e [f64; 6],
+        out: &mut RowBlock<'_>,
     ) {
         let tool = posture.tool().p;
         let open = posture.is_open_chain(mechanism);
         let (mut frame, mut wrench) = (0, 0);
-        for ((limb, drawn), split) in coordinates.limbs.iter().zip(&mechanism.limbs).zip(&posture.splits) {
-            self.gather(rows, |row| match open {
-                true => row.by_tool,
-                false => through_wrenches(posture, row, wrench, split.wrenches()),
+        for (i, ((limb, drawn), split)) in
+            coordinates.limbs.iter().zip(&mechanism.limbs).zip(&posture.splits).enumerate()
+        {
+            self.gather(sample.rows.len(), |k| match open {
+                true => *by_tool(k),
+                false => through_wrenches(posture, by_tool(k), wrench, split.wrenches()),
             });
+            if !ADD {
+                for by in sample.by_limb.iter().filter(|by| by.limb == i) {
+                    let lanes = &mut self.by_limb[by.row / LANES];
+                    lanes
+                        .as_flattened_mut()
+                        .iter_mut()
+                        .zip(by.by_twist)
+                        .for_each(|(lane, v)| lane[by.row % LANES] += v);
+                }
+            }
             let frames = &posture.frames[frame..frame + drawn.links.len()];
-            self.write_limb(limb, frames, &tool, &mut out);
+            self.write_limb::<ADD>(limb, frames, &tool, out);
             frame += drawn.links.len();
             wrench += split.wrenches().len();
-        }
-        for (entry, row) in out.column(coordinates.slice_count()).iter_mut().zip(rows) {
-            *entry = row.r;
         }
     }
 
@@ -63,19 +101,19 @@ impl RowWriter {
         rows: &[Row],
         mut out: RowBlock<'_>,
     ) {
-        self.gather(rows, |row| row.by_tool);
-        self.write_limb(limb, frames, tool, &mut out);
+        self.gather(rows.len(), |k| rows[k].by_tool);
+        self.write_limb::<false>(limb, frames, tool, &mut out);
         for (entry, row) in out.column(limb.slice.len()).iter_mut().zip(rows) {
             *entry = row.r;
         }
     }
 
-    fn gather(&mut self, rows: &[Row], by_limb: impl Fn(&Row) -> [f64; 6]) {
+    fn gather(&mut self, rows: usize, by_limb: impl Fn(usize) -> [f64; 6]) {
         self.by_limb.clear();
-        for group in rows.chunks(LANES) {
-            let mut lanes = [[0.0; LANES]; 6];
-            for (k, row) in group.iter().enumerate() {
-                for (lane, value) in lanes.iter_mut().zip(by_limb(row)) {
+        for first in (0..rows).step_by(LANES) {
+            let mut lanes = [[[0.0; LANES]; 3]; 2];
+            for k in 0..LANES.min(rows - first) {
+                for (lane, value) in lanes.as_flattened_mut().iter_mut().zip(by_limb(first + k)) {
                     lane[k] = value;
                 }
             }
@@ -83,51 +121,70 @@ impl RowWriter {
         }
     }
 
-    fn write_limb(
+    fn write_limb<const ADD: bool>(
         &self,
         limb: &LimbCoordinates,
         frames: &[Se3],
         tool: &Vector3<f64>,
         out: &mut RowBlock<'_>,
     ) {
-        for (group, by) in self.by_limb.iter().enumerate() {
-            let mut link = usize::MAX;
-            let mut at = *by;
-            for (k, &component) in limb.slice.iter().enumerate() {
-                let g = &frames[component / 6];
-                if component / 6 != link {
-                    link = component / 6;
-                    let lever = tool - g.p;
-                    for i in 0..LANES {
-                        at[0][i] = by[0][i] + lever.y * by[5][i] - lever.z * by[4][i];
-                        at[1][i] = by[1][i] + lever.z * by[3][i] - lever.x * by[5][i];
-                        at[2][i] = by[2][i] + lever.x * by[4][i] - lever.y * by[3][i];
+        for (group, by_tool) in self.by_limb.iter().enumerate() {
+            let mut k = limb.slice_offset;
+            for (g, in_slice) in frames.iter().zip(&limb.in_slice) {
+                let by_link = moved(by_tool, &(tool - g.p));
+                for (block, in_slice) in by_link.iter().zip(in_slice) {
+                    for i in 0..3 {
+                        if in_slice[i] {
+                            let axis = [g.r[(0, i)], g.r[(1, i)], g.r[(2, i)]];
+                            combine::<ADD>(block, axis, &mut out.column(k)[group * LANES..]);
+                            k += 1;
+                        }
                     }
-                }
-                let axis = g.r.column(component % 3);
-                let first = component % 6 / 3 * 3;
-                let (x, y, z) = (&at[first], &at[first + 1], &at[first + 2]);
-                let (a, b, c) = (axis[0], axis[1], axis[2]);
-                let entry = |i: usize| x[i] * a + y[i] * b + z[i] * c;
-                let column = &mut out.column(limb.slice_offset + k)[group * LANES..];
-                match <&mut [f64; LANES]>::try_from(&mut *column) {
-                    // A whole pose: a fixed length is what vector instructions need.
-                    Ok(six) => *six = std::array::from_fn(entry),
-                    Err(_) => column.iter_mut().take(LANES).enumerate().for_each(|(i, e)| *e = entry(i)),
                 }
             }
         }
     }
 }
 
+// The next two stay functions of their own: inlined into one loop, the compiler shuffles lanes between them.
+
+/// Covectors `(w, v)` moved to a point that lies `lever` behind theirs: `(w + lever x v, v)`.
+#[inline(never)]
+fn moved([[a, b, c], [x, y, z]]: &Lanes, lever: &Vector3<f64>) -> Lanes {
+    let (d, e, f) = (lever.x, lever.y, lever.z);
+    let mut w = [[0.0; LANES]; 3];
+    for i in 0..LANES {
+        w[0][i] = a[i] + e * z[i] - f * y[i];
+    }
+    for i in 0..LANES {
+        w[1][i] = b[i] + f * x[i] - d * z[i];
+    }
+    for i in 0..LANES {
+        w[2][i] = c[i] + d * y[i] - e * x[i];
+    }
+    [w, [*x, *y, *z]]
+}
+
+/// `axis . block` of each lane, written over as many entries as `out` has or added to them.
+#[inline(never)]
+fn combine<const ADD: bool>([x, y, z]: &[[f64; LANES]; 3], [a, b, c]: [f64; 3], out: &mut [f64]) {
+    let entry = |i: usize| x[i] * a + y[i] * b + z[i] * c;
+    match out.first_chunk_mut::<LANES>() {
+        // A whole pose: a fixed length is what vector instructions need.
+        Some(whole) if !ADD => whole.iter_mut().enumerate().for_each(|(i, out)| *out = entry(i)),
+        _ if ADD => out.iter_mut().take(LANES).enumerate().for_each(|(i, out)| *out += entry(i)),
+        _ => out.iter_mut().take(LANES).enumerate().for_each(|(i, out)| *out = entry(i)),
+    }
+}
+
 /// `by_tool Jr^-1 W` over the wrenches of one limb, which start at row `first` of `Jr`.
-fn through_wrenches(posture: &Posture, row: &Row, first: usize, wrenches: &[[f64; 6]]) -> [f64; 6] {
+fn through_wrenches(posture: &Posture, by_tool: &[f64; 6], first: usize, wrenches: &[[f64; 6]]) -> [f64; 6] {
     let length = posture.length();
     let mut sum = [0.0; 6];
     for (k, wrench) in wrenches.iter().enumerate() {
         // `Jr` is scaled: its lengths are machine sizes.
         let inverse = posture.wrench_inverse.column(first + k);
-        let by: f64 = (0..6).map(|i| row.by_tool[i] * inverse[i] * if i < 3 { 1.0 } else { length }).sum();
+        let by: f64 = (0..6).map(|i| by_tool[i] * inverse[i] * if i < 3 { 1.0 } else { length }).sum();
         for (s, w) in sum.iter_mut().zip(wrench) {
             *s += by * w;
         }

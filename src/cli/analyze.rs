@@ -4,12 +4,13 @@ use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
 use crate::calibration::{Coordinates, Sample};
+use crate::design::Observability;
 use crate::files::{DataPlaces, Kind, Output, ProblemFile, json, read_problem};
 use crate::identify::Visibility;
 use crate::identify::counts::visibility;
 use crate::model::mobility;
 use crate::problem::Form;
-use crate::simulate::{close, draw_postures};
+use crate::simulate::{draw_postures, read};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -33,6 +34,26 @@ pub struct Args {
 struct Analysis<'a> {
     counts: crate::files::summary::Counts,
     singular_values: &'a [f64],
+    observability: Option<Indices>,
+}
+
+/// Observability indices in the analysis, over the directions that beat the tolerances.
+#[derive(Serialize)]
+struct Indices {
+    directions: usize,
+    poses: usize,
+    o1: f64,
+    o2: f64,
+    o3: f64,
+    o4: f64,
+    o5: f64,
+}
+
+impl From<Observability> for Indices {
+    fn from(of: Observability) -> Self {
+        let Observability { directions, poses, o1, o2, o3, o4, o5 } = of;
+        Self { directions, poses, o1, o2, o3, o4, o5 }
+    }
 }
 
 /// Prints the three counts, at nominal.
@@ -48,12 +69,16 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         visibility(&problem.mechanism, &samples, &zero)
     })
     .map_err(|why| CliError::Evaluate { file: problem.file.clone(), why })?;
+    let indices = Observability::of(&seen.singular_values, samples.len());
     let text = if args.json {
         let counts = seen.counts.into();
-        json::text(&Analysis { counts, singular_values: &seen.singular_values })
+        let observability = indices.map(Indices::from);
+        json::text(&Analysis { counts, singular_values: &seen.singular_values, observability })
             .map_err(|why| CliError::Usage(format!("the analysis cannot be written: {why}")))?
     } else {
-        words(&problem, &samples, planned, &seen).into_bytes()
+        let mut text = words(&problem, &samples, planned, &seen);
+        text.push_str(&indices.map(observability).unwrap_or_default());
+        text.into_bytes()
     };
     Output::Stdout.write(&text)?;
     Ok(Ending::Done)
@@ -62,30 +87,37 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
 /// Random postures at which the instrument is taken to measure with the stated noise.
 fn planned_samples(problem: &ProblemFile) -> Result<Vec<Sample>, CliError> {
     let mechanism = &problem.mechanism;
-    let covariance = problem.data.noise.ok_or_else(|| {
-        CliError::Usage(format!(
+    let sets = problem.data.parts();
+    if sets.iter().any(|set| set.noise.is_none()) {
+        return Err(CliError::Usage(format!(
             "{}: neither samples nor data.noise: state the noise to plan with",
             problem.file
-        ))
-    })?;
+        )));
+    }
     let simulate = |why| CliError::Simulate { file: problem.file.clone(), why };
     let nominal = mechanism.nominal();
-    let postures = draw_postures(mechanism, &[&nominal], PLANNED, 0).map_err(simulate)?;
-    let mut samples = Vec::with_capacity(PLANNED);
-    for (k, actuators) in postures.into_iter().enumerate() {
-        let name = format!("planned posture {}", k + 1);
-        let posture = close(mechanism, &nominal, &actuators).map_err(|why| CliError::Posture {
-            file: problem.file.clone(),
-            sample: name.clone(),
-            why,
-        })?;
-        let rotation = problem.data.kind == Kind::Pose;
-        let seen = [rotation, rotation, rotation, true, true, true];
-        let pose = crate::measure::Pose::new(posture.tool(), seen, &covariance)
-            .map_err(|why| CliError::Usage(format!("{}: data.noise: {why}", problem.file)))?;
-        samples.push(Sample { name, actuators, measurement: std::sync::Arc::new(pose) });
+    let mut pool = draw_postures(mechanism, &[&nominal], PLANNED, 0).map_err(simulate)?.into_iter().cycle();
+    let mut samples = Vec::with_capacity(PLANNED * sets.len());
+    for set in sets {
+        for blank in set.blanks.iter().cycle().take(PLANNED) {
+            let name = format!("planned posture {}", samples.len() + 1);
+            let actuators = pool.next().unwrap_or_default();
+            let second =
+                if set.kind == Kind::Separation { pool.next().unwrap_or_default() } else { Vec::new() };
+            let measurement = read(mechanism, &nominal, &*blank.measurement, &actuators, &second)
+                .map_err(|why| CliError::Posture { file: problem.file.clone(), sample: name.clone(), why })?;
+            samples.push(Sample { name, actuators, measurement });
+        }
     }
     Ok(samples)
+}
+
+/// The observability indices in words.
+fn observability(of: Observability) -> String {
+    format!(
+        "\nobservability over the {} values above 1 ({} poses): O1 {:.4}, O2 {:.3e}, O3 {:.4}, O4 {:.3e}, O5 {:.4}\n",
+        of.directions, of.poses, of.o1, of.o2, of.o3, of.o4, of.o5
+    )
 }
 
 fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibility) -> String {
@@ -110,11 +142,18 @@ fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibi
         let angular = limb.joints.iter().filter(|joint| joint.motion.is_angular()).count();
         let prismatic = limb.joints.len() - angular;
         let held = own.sigma.len() - own.free.len();
+        let sensed = limb.joints.iter().filter(|joint| joint.sensed).count();
         let sum = format!("4*{angular} + 2*{prismatic} + 6 - {} passive", limb.passive_count());
         text.push_str(&match held {
+            0 if sensed > 0 => {
+                format!("         {}: {} = {sum} + {sensed} sensed\n", limb.name, own.slice.len())
+            }
             0 => format!("         {}: {} = {sum}\n", limb.name, own.slice.len()),
             _ => format!("         {}: {} of {sum}, {held} components held\n", limb.name, own.slice.len()),
         });
+    }
+    if !mechanism.instrument.is_empty() {
+        text.push_str(&format!("         instrument: {} unknown constants\n", mechanism.instrument.len()));
     }
     text.push_str(&format!(
         "{:>5}  first order: rank at the nominal geometry over these postures; {} combinations have no \
@@ -127,6 +166,9 @@ fn words(problem: &ProblemFile, samples: &[Sample], planned: bool, seen: &Visibi
         "{:>5}  practical: singular values above 1, where these readings know more than the tolerances\n\n",
         counts.practical
     ));
+    for line in problem.data.kind_notes().into_iter().chain(problem.data.point_note()) {
+        text.push_str(&format!("       {line}\n"));
+    }
     text.push_str("whitened singular values (signal-to-noise ratio of one tolerance), at nominal:\n");
     for chunk in seen.singular_values.chunks(10) {
         let line: Vec<String> = chunk.iter().map(|s| format!("{s:9.3e}")).collect();

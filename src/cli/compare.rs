@@ -3,6 +3,7 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use crate::compare::campaign::{Campaign, Cell, Contestant, Shard, Subject};
+use crate::compare::draw::check_recipe;
 use crate::compare::execute::execute;
 use crate::compare::line::{RunKey, RunLine, Source};
 use crate::compare::publish;
@@ -252,11 +253,13 @@ fn subject(path: &Path, args: &Args) -> Result<Subject, CliError> {
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     if args.own_data {
         problem.require_samples()?;
-    } else if problem.data.noise.is_none() {
+    } else if problem.data.parts().iter().any(|set| set.noise.is_none()) {
         return Err(CliError::Usage(format!(
             "{}: data.noise is not stated: simulation needs to know it; state it, or give --own-data",
             problem.file
         )));
+    } else {
+        check_recipe(&problem).map_err(|why| CliError::Usage(format!("{}: {why}", problem.file)))?;
     }
     Ok(Subject::new(problem))
 }

@@ -1,7 +1,7 @@
 //! Commands and their arguments.
 
 use super::error::CliError;
-use super::{analyze, compare, identify, predict, simulate, solvers};
+use super::{analyze, check, command, compare, export, identify, import, plan, predict, simulate, solvers};
 use clap::{Parser, Subcommand};
 
 /// Kinematic calibration of parallel and serial manipulators.
@@ -18,12 +18,23 @@ enum Command {
     Identify(identify::Args),
     /// Say what the poses of a problem can reveal
     Analyze(analyze::Args),
+    /// Say whether a problem means what it should: units, signs, orders and frames
+    Check(check::Args),
     /// Forward kinematics of a problem's or result's machine
     Predict(predict::Args),
+    /// Actuator readings that bring a problem's or result's machine to wanted poses
+    #[command(name = "command")]
+    Reach(command::Args),
+    /// Choose the postures to measure
+    Plan(plan::Args),
     /// Draw a true machine from the tolerances and measure it
     Simulate(simulate::Args),
     /// Compare identifiers on problems, scored by the problem
     Compare(compare::Args),
+    /// Make a problem of a machine or of measurements in another format
+    Import(import::Args),
+    /// Write a calibrated machine for other programs
+    Export(export::Args),
     /// List the identifiers
     Solvers,
 }
@@ -35,6 +46,8 @@ pub enum Ending {
     Done,
     /// Exit status 1: results are written and say that they did not converge.
     NotConverged,
+    /// Exit status 1: something in the data looks wrong.
+    Suspicious,
 }
 
 /// Runs the command line.
@@ -42,9 +55,14 @@ pub fn run(cli: &Cli) -> Result<Ending, CliError> {
     match &cli.command {
         Command::Identify(args) => identify::run(args),
         Command::Analyze(args) => analyze::run(args),
+        Command::Check(args) => check::run(args),
         Command::Predict(args) => predict::run(args),
+        Command::Reach(args) => command::run(args),
+        Command::Plan(args) => plan::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Import(args) => import::run(args),
+        Command::Export(args) => export::run(args),
         Command::Solvers => solvers::run(),
     }
 }

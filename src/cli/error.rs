@@ -1,6 +1,8 @@
 //! Everything that ends a command with exit status 2.
 
+use crate::design::DesignError;
 use crate::files::FileError;
+use crate::formats::FormatError;
 use crate::identify::IdentifyError;
 use crate::model::NotClosed;
 use crate::model::mobility::MobilityError;
@@ -15,6 +17,9 @@ pub enum CliError {
     /// A file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A foreign file.
+    #[error(transparent)]
+    Format(#[from] FormatError),
     /// A machine that the model does not describe.
     #[error("{file}: mechanism: {why}")]
     Mobility {
@@ -58,6 +63,14 @@ pub enum CliError {
         file: String,
         /// What is wrong.
         why: SimulateError,
+    },
+    /// A plan.
+    #[error("{file}: {why}")]
+    Design {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        why: DesignError,
     },
     /// Identifiability.
     #[error("{file}: {why}")]

@@ -5,7 +5,7 @@ use super::error::CliError;
 use super::progress::with_spinner;
 use super::summary::{Summary, summary};
 use crate::calibration::Sample;
-use crate::files::{DataPlaces, Output, ProblemFile, json, read_problem};
+use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
 use crate::identify::{Fit, Identification, NoiseEstimate, identify, identify_without_noise, score};
 use crate::model::mobility;
 use crate::solve::{Identifier, Stop, registry};
@@ -63,6 +63,12 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     let own = problem.data.measured.iter().filter(|measured| measured.noise.is_some()).count();
+    if !problem.data.has_noise() && problem.data.sets.iter().any(DataSet::has_noise) {
+        return Err(CliError::Usage(format!(
+            "{}: data.sets: some state their noise and others do not; state it for all or for none",
+            problem.file
+        )));
+    }
     if !problem.data.has_noise() && own > 0 {
         return Err(CliError::Usage(format!(
             "{}: data: {own} samples state their own noise and the others have none; state data.noise",

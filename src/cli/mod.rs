@@ -1,10 +1,17 @@
 //! The command line: one file a command.
 
 pub mod analyze;
+pub mod check;
+pub mod command;
 pub mod compare;
+mod details;
 pub mod dispatch;
 pub mod error;
+pub mod export;
 pub mod identify;
+pub mod import;
+pub mod import_csv;
+pub mod plan;
 pub mod predict;
 pub mod progress;
 pub mod simulate;

@@ -2,13 +2,15 @@
 
 use super::dispatch::Ending;
 use super::error::CliError;
-use crate::compare::draw::simulate_by;
+use crate::compare::draw::{check_recipe, simulate_by, simulate_sets_by};
+use crate::files::problem::parse_problem;
 use crate::files::{
-    DataDrawing, DataPlaces, Kind, Output, ProblemFile, SampleDrawing, json, noise::NoiseDrawing,
-    read_problem, redraw,
+    DataDrawing, DataPlaces, DataSet, Kind, Output, ProblemDrawing, ProblemFile, SampleDrawing,
+    constant_values, json, kinds, noise::NoiseDrawing, read_problem, redraw,
 };
-use crate::model::mobility;
-use crate::simulate::Plan;
+use crate::model::{Geometry, mobility};
+use crate::simulate::readings::Reading;
+use crate::simulate::{Plan, SimulatedSet};
 use std::path::PathBuf;
 
 /// Arguments.
@@ -16,10 +18,14 @@ use std::path::PathBuf;
 pub struct Args {
     /// Problem file: machine, tolerances and noise; its data, if any, are replaced
     problem: PathBuf,
-    /// Number of measured postures
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    poses: u32,
-    /// Number of further postures with their true poses, for the hold-out
+    /// Number of measured postures; a list with one per set where the data consist of several
+    #[arg(long, value_name = "N", value_delimiter = ',', required = true,
+        value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    poses: Vec<u32>,
+    /// What is measured instead of what the problem says: pose, position, distance, separation, plane, passive-joint
+    #[arg(long, value_name = "KIND")]
+    kind: Option<String>,
+    /// Number of further postures with true readings, for the hold-out (of each set)
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     holdout: u32,
     /// Seed of everything random
@@ -45,23 +51,143 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             return Err(CliError::Usage(format!("{name} must be a number that is not negative")));
         }
     }
-    let problem = read_problem(&args.problem, &DataPlaces::from_environment(None))?;
+    let problem = problem_to_measure(args)?;
     problem.require_tolerances()?;
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
-    let covariance = problem.data.noise.ok_or_else(|| {
+    let sets = problem.data.parts();
+    let not_stated = || {
         CliError::Usage(format!("{}: data.noise is not stated: simulation needs to know it", problem.file))
-    })?;
-    let Args { poses, holdout, seed, noise, distance, .. } = *args;
-    let plan = Plan { poses: poses as usize, holdout: holdout as usize, seed, noise, distance };
+    };
+    let covariance =
+        sets.iter().map(|set| set.noise.ok_or_else(not_stated)).collect::<Result<Vec<_>, _>>()?;
+    let counts: Vec<usize> = match args.poses.as_slice() {
+        [all] => vec![*all as usize; sets.len()],
+        each if each.len() == sets.len() => each.iter().map(|n| *n as usize).collect(),
+        each => {
+            let (found, wanted) = (each.len(), sets.len());
+            return Err(CliError::Usage(format!(
+                "--poses: {found} numbers for {wanted} sets; give one or {wanted}"
+            )));
+        }
+    };
+    let Args { holdout, seed, noise, distance, .. } = *args;
+    let plan = Plan { poses: counts[0], holdout: holdout as usize, seed, noise, distance };
+    let failed = |why| CliError::Simulate { file: problem.file.clone(), why };
+    check_recipe(&problem).map_err(|why| CliError::Usage(format!("{}: {why}", problem.file)))?;
     let recipe = problem.drawing.benchmark.clone().unwrap_or_default();
-    let simulated = simulate_by(&recipe, &problem.mechanism, &covariance, &plan)
-        .map_err(|why| CliError::Simulate { file: problem.file.clone(), why })?;
-    let drawing = with_data(&problem, &simulated, args);
+    let mechanism = &problem.mechanism;
+    let drawing = if problem.measures_tool_alone() {
+        with_data(&problem, &simulate_by(&recipe, mechanism, &covariance[0], &plan).map_err(failed)?, args)
+    } else {
+        let blanks =
+            sets.iter().map(|set| set.blanks.iter().map(|blank| blank.measurement.clone()).collect());
+        let blanks: Vec<Vec<_>> = blanks.collect();
+        let (truth, read) = simulate_sets_by(&recipe, mechanism, &blanks, &counts, &plan).map_err(failed)?;
+        with_sets(&problem, &truth, &read, args)
+    };
     let text = json::text(&drawing)
         .map_err(|why| CliError::Usage(format!("the problem cannot be written: {why}")))?;
     output.write(&text)?;
     Ok(Ending::Done)
+}
+
+/// The problem, with another kind of measurement where one is asked for.
+fn problem_to_measure(args: &Args) -> Result<ProblemFile, CliError> {
+    let problem = read_problem(&args.problem, &DataPlaces::from_environment(None))?;
+    let Some(kind) = &args.kind else { return Ok(problem) };
+    let mut drawing = problem.drawing;
+    let data = drawing.data.unwrap_or_default();
+    drawing.data = Some(DataDrawing {
+        kind: Some(kind.clone()),
+        samples: None,
+        sets: None,
+        file: None,
+        columns: None,
+        filter: None,
+        holdout: None,
+        ..data
+    });
+    let text = json::text(&drawing)
+        .map_err(|why| CliError::Usage(format!("the problem cannot be written: {why}")))?;
+    Ok(parse_problem(&args.problem, &text, &DataPlaces::from_environment(None))?)
+}
+
+/// How the data came about.
+fn origin(args: &Args) -> String {
+    let poses: Vec<String> = args.poses.iter().map(u32::to_string).collect();
+    let kind = args.kind.as_ref().map_or(String::new(), |kind| format!(" --kind {kind}"));
+    format!(
+        "gough simulate --poses {}{kind} --holdout {} --seed {} --noise {} --distance {}",
+        poses.join(","),
+        args.holdout,
+        args.seed,
+        args.noise,
+        args.distance
+    )
+}
+
+/// The problem with readings of any kinds, set by set.
+fn with_sets(problem: &ProblemFile, truth: &Geometry, read: &[SimulatedSet], args: &Args) -> ProblemDrawing {
+    let (mechanism, units) = (&problem.mechanism, problem.units);
+    let parts = problem.data.parts();
+    let drawn = |part: &DataSet, first: usize, readings: &[Reading]| -> Vec<SampleDrawing> {
+        let pairs = part.blanks.iter().cycle().skip(first).zip(readings);
+        pairs.map(|(blank, (q, m))| kinds::drawn(mechanism, units, part.kind, blank, q, &**m)).collect()
+    };
+    let stated = problem.drawing.data.clone().unwrap_or_default();
+    let several = stated.sets.is_some();
+    let of_set = |k: usize, readings: &[Reading], held: bool| {
+        let common = match &stated.sets {
+            Some(sets) => sets[k].clone(),
+            None => DataDrawing { instrument: None, ..stated.clone() },
+        };
+        let common = if held && !several { DataDrawing::default() } else { common };
+        DataDrawing {
+            samples: Some(drawn(&parts[k], if held { read[k].samples.len() } else { 0 }, readings)),
+            origin: None,
+            file: None,
+            columns: None,
+            filter: None,
+            holdout: None,
+            sets: None,
+            ..common
+        }
+    };
+    let whole = |of: fn(&SimulatedSet) -> &Vec<Reading>, held: bool| {
+        let sets: Vec<DataDrawing> =
+            read.iter().enumerate().map(|(k, set)| of_set(k, of(set), held)).collect();
+        match several {
+            true => DataDrawing { sets: Some(sets), ..DataDrawing::default() },
+            false => sets.into_iter().next().unwrap_or_default(),
+        }
+    };
+    let holdout = (args.holdout > 0).then(|| {
+        Box::new(DataDrawing { origin: Some("true readings".into()), ..whole(|set| &set.holdout, true) })
+    });
+    let samples = whole(|set| &set.samples, false);
+    let mut drawing = problem.drawing.clone();
+    drawing.data = Some(match several {
+        true => DataDrawing {
+            origin: Some(origin(args)),
+            sets: samples.sets,
+            holdout,
+            file: None,
+            columns: None,
+            filter: None,
+            samples: None,
+            ..stated.clone()
+        },
+        false => DataDrawing {
+            origin: Some(origin(args)),
+            instrument: stated.instrument.clone(),
+            holdout,
+            ..samples
+        },
+    });
+    drawing.truth = Some(redraw(mechanism, truth, units).without_priors());
+    drawing.truth_instrument = constant_values(&mechanism.instrument, &truth.instrument, units);
+    drawing
 }
 
 fn with_data(
@@ -82,10 +208,6 @@ fn with_data(
     };
     let stated = problem.drawing.data.clone().unwrap_or_default();
     let (noise, covariance): (Option<NoiseDrawing>, _) = (stated.noise, stated.covariance);
-    let origin = format!(
-        "gough simulate --poses {} --holdout {} --seed {} --noise {} --distance {}",
-        args.poses, args.holdout, args.seed, args.noise, args.distance
-    );
     let holdout = (args.holdout > 0).then(|| {
         let samples = Some(drawn(&simulated.holdout));
         Box::new(DataDrawing { origin: Some("true poses".into()), samples, ..DataDrawing::default() })
@@ -93,7 +215,7 @@ fn with_data(
     let mut drawing = problem.drawing.clone();
     drawing.data = Some(DataDrawing {
         kind: stated.kind,
-        origin: Some(origin),
+        origin: Some(origin(args)),
         noise,
         covariance,
         samples: Some(drawn(&simulated.samples)),

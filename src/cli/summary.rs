@@ -1,12 +1,13 @@
 //! The report of one identification: the result file, and its summary for people.
 
+use super::details::{digits, instrument, largest, other_errors};
 use crate::files::noise::NoiseDrawing;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, Deviation, LinkResult, PoseErrors, SetAsideEntry,
-    TraceEntry, WeightEntry,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, Deviation, LinkResult, PoseErrors,
+    SetAsideEntry, TraceEntry, WeightEntry,
 };
-use crate::files::{ProblemFile, ResultFile, Units, redraw};
+use crate::files::{ProblemFile, ResultFile, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Identification, NoiseEstimate};
 use crate::model::Prior;
 use crate::solve::Identifier;
@@ -48,6 +49,14 @@ fn errors(fit: Option<Fit>, units: Units) -> PoseErrors {
         position_max: fit.position.map(|p| p.max),
         rotation_rms: fit.rotation.map(|r| r.rms),
         rotation_max: fit.rotation.map(|r| r.max),
+        distance_rms: fit.distance.map(|d| d.rms),
+        distance_max: fit.distance.map(|d| d.max),
+        plane_rms: fit.plane.map(|p| p.rms),
+        plane_max: fit.plane.map(|p| p.max),
+        joint_angle_rms: fit.joint_angle.map(|j| j.rms),
+        joint_angle_max: fit.joint_angle.map(|j| j.max),
+        joint_length_rms: fit.joint_length.map(|j| j.rms),
+        joint_length_max: fit.joint_length.map(|j| j.max),
         weighted_rms: Some(fit.weighted_rms),
     }
     .in_units(units)
@@ -106,6 +115,7 @@ impl Summary<'_> {
                 .iter()
                 .map(|t| TraceEntry { cost: t.cost, step: t.step, kept: t.kept })
                 .collect(),
+            instrument: self.instrument(),
             links: self.links(),
             mechanism: redraw(&found.start, &found.geometry, units),
             versions: [("gough".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
@@ -130,8 +140,25 @@ impl Summary<'_> {
         links
     }
 
+    /// The instrument's constants as identified.
+    pub(super) fn instrument(&self) -> Vec<ConstantResult> {
+        let (found, units) = (self.found, self.problem.units);
+        let drawn = self.problem.mechanism.instrument.iter().enumerate();
+        let first = found.start.link_component_count();
+        let constants = drawn.zip(&found.geometry.instrument).map(|((k, constant), value)| {
+            let shown = |v: f64| from_quantity(units, constant.quantity, v);
+            ConstantResult {
+                name: constant.name(),
+                nominal: shown(constant.nominal),
+                value: shown(*value),
+                std: found.std.as_ref().and_then(|std| std.get(first + k)).map(|v| shown(*v)),
+            }
+        });
+        constants.collect()
+    }
+
     /// Deviation components with a stated tolerance: in tolerances, in rad or m, index, axis, and the link's name.
-    fn components(&self) -> Vec<(f64, f64, usize, usize, String)> {
+    pub(super) fn components(&self) -> Vec<(f64, f64, usize, usize, String)> {
         let mut components = Vec::new();
         let mut index = 0;
         for limb in &self.found.start.limbs {
@@ -222,6 +249,7 @@ impl Summary<'_> {
                 found.other_mode.join(", ")
             ));
         }
+        warnings.extend(self.problem.data.kind_notes().into_iter().map(str::to_owned));
         if let Some(counts) = found.counts()
             && found.rows < counts.structural
         {
@@ -258,15 +286,6 @@ impl Summary<'_> {
 
 /// Tolerances beyond which a deviation is remarked on.
 const FAR_OFF: f64 = 10.0;
-
-/// Four significant digits.
-fn digits(value: f64) -> String {
-    if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
-        return format!("{value:.3e}");
-    }
-    let before = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
-    format!("{value:.*}", usize::try_from(3 - before).unwrap_or(0))
-}
 
 /// The summary for people.
 pub fn summary(of: &Summary<'_>) -> String {
@@ -335,39 +354,8 @@ pub fn summary(of: &Summary<'_>) -> String {
             digits(fit.weighted_rms),
         ));
     }
+    text.push_str(&other_errors(of));
+    text.push_str(&instrument(of));
     text.push_str(&largest(of));
-    text
-}
-
-/// The largest deviations in tolerances, with their standard errors.
-fn largest(of: &Summary<'_>) -> String {
-    let (found, units) = (of.found, of.problem.units);
-    let mut components = of.components();
-    components.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()).then(a.2.cmp(&b.2)));
-    components.retain(|c| c.0.is_finite() && c.0 != 0.0);
-    if components.is_empty() {
-        return "\n".into();
-    }
-    let mut text = "\nlargest deviations, each link in the frame of the joint that it carries\n".to_owned();
-    for (ratio, d, index, i, name) in components.into_iter().take(SHOWN) {
-        let (kind, symbol) = match i {
-            0..3 => ("rotation", units.angle_symbol()),
-            _ => ("translation", units.length_symbol()),
-        };
-        let shown = |v: f64| digits(if i < 3 { units.from_radians(v) } else { units.from_metres(v) });
-        let error = found
-            .std
-            .as_ref()
-            .and_then(|std| std.get(index))
-            .map_or(String::new(), |s| format!(" +- {}", shown(*s)));
-        text.push_str(&format!(
-            "  {:24} {:11} {}  {}{error} {symbol}  ({ratio:+.2} tolerances)\n",
-            name,
-            kind,
-            ["x", "y", "z"][i % 3],
-            shown(d),
-        ));
-    }
-    text.push('\n');
     text
 }

@@ -21,14 +21,15 @@ pub struct Bound {
     pub singular_values: Vec<f64>,
     /// Directions that go with them, by columns.
     pub directions: Mat<f64>,
-    /// Bound on the error of predicted hold-out poses; `None` where these are not whole poses that close.
+    /// Bound on the error of the predicted hold-out, by rotation and position where it consists of whole poses; `None`
+    /// where there is none that closes.
     pub holdout: Option<Prediction>,
 }
 
 /// The bound for what was drawn; `None` where the truth is not known or cannot be evaluated.
 ///
 /// Van Trees's form of the bound: `cov >= (J'J + I)^-1` in tolerances, for truths drawn from the tolerances
-/// (docs/theory.md (11.3)).
+/// (docs/theory.md (13.3)).
 pub fn bound(drawn: &Drawn) -> Option<Bound> {
     let mechanism = &drawn.start;
     let truth = representative(mechanism, drawn.truth.as_ref()?);
@@ -43,34 +44,29 @@ pub fn bound(drawn: &Drawn) -> Option<Bound> {
     Some(Bound { truth, singular_values, directions: svd.v, holdout })
 }
 
-/// Errors of hold-out poses for errors of covariance `root root'`.
+/// Errors of the predicted hold-out for errors of covariance `root root'`.
 fn predicted(drawn: &Drawn, at: &[f64], truth: &[f64], root: &Mat<f64>) -> Option<Prediction> {
     let count = drawn.holdout.len();
-    if count == 0 || drawn.holdout.iter().any(|s| s.measurement.rows() != WHOLE) {
-        return None;
-    }
-    // Squares of all rows, by their place in a pose.
-    let squares = |holdout: &[Sample]| -> Option<[f64; WHOLE]> {
-        let poses = Calibration::new(&drawn.start, holdout, Form::Minimal, at);
-        if poses.sample_count() != count {
+    // Squares of all rows, by their place in a pose where they are those of poses; and the number of rows.
+    let squares = |holdout: &[Sample]| -> Option<([f64; WHOLE], usize)> {
+        let samples = Calibration::new(&drawn.start, holdout, Form::Minimal, at);
+        if count == 0 || samples.sample_count() != count {
             return None;
         }
-        let errors = poses.linearize(truth).ok()?.jac * root;
+        let errors = samples.linearize(truth).ok()?.jac * root;
         let mut sums = [0.0; WHOLE];
         for column in errors.col_iter() {
             column.iter().enumerate().for_each(|(row, v)| sums[row % WHOLE] += v * v);
         }
-        Some(sums)
+        Some((sums, errors.nrows()))
     };
-    let unit = |s: &Sample| Sample { measurement: s.measurement.reweighted(Weights::Unit), ..s.clone() };
-    let plain: Vec<Sample> = drawn.holdout.iter().map(unit).collect();
-    let (plain, whitened) = (squares(&plain)?, squares(&drawn.holdout)?);
     let rms = |squares: &[f64], by: usize| Some((squares.iter().sum::<f64>() / by as f64).sqrt());
-    Some(Prediction {
-        rotation: rms(&plain[..3], count),
-        position: rms(&plain[3..], count),
-        in_noise: rms(&whitened, WHOLE * count),
-        poses: count,
-        ..Prediction::default()
-    })
+    let (whitened, rows) = squares(&drawn.holdout)?;
+    let in_noise = Prediction { in_noise: rms(&whitened, rows), poses: count, ..Prediction::default() };
+    if drawn.holdout.iter().any(|s| s.measurement.rows() != WHOLE || s.measurement.pose().is_none()) {
+        return Some(in_noise);
+    }
+    let unit = |s: &Sample| Sample { measurement: s.measurement.reweighted(Weights::Unit), ..s.clone() };
+    let (plain, _) = squares(&drawn.holdout.iter().map(unit).collect::<Vec<_>>())?;
+    Some(Prediction { rotation: rms(&plain[..3], count), position: rms(&plain[3..], count), ..in_noise })
 }

@@ -2,13 +2,17 @@
 
 use super::line::Source;
 use crate::calibration::Sample;
-use crate::files::{BenchmarkDrawing, Kind, MeasuredPose, ProblemFile};
-use crate::identify::registration::{FreeEnds, registered};
+use crate::files::{BenchmarkDrawing, Blank, Kind, MeasuredPose, ProblemFile};
+use crate::identify::run::placed;
 use crate::identify::{IdentifyError, NoiseEstimate, identify_without_noise};
 use crate::lie::{Se3, so3};
 use crate::measure::pose::NotPositive;
+use crate::measure::{Measurement, Weights};
 use crate::model::{Geometry, Mechanism};
-use crate::simulate::{Plan, SimulateError, Simulated, draw_deviations, simulate_truth};
+use crate::simulate::readings::Reading;
+use crate::simulate::{
+    Plan, SimulateError, Simulated, SimulatedSet, draw_deviations, simulate_sets_truth, simulate_truth,
+};
 use crate::solve::Stop;
 use crate::solve::minimal::Minimal;
 use nalgebra::{Matrix6, Vector6};
@@ -16,6 +20,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use std::sync::Arc;
 
 /// Postures drawn where the problem has no data to say how many.
 const POSES: usize = 60;
@@ -30,6 +35,11 @@ pub enum DrawError {
     /// Nothing to simulate with.
     #[error("data.noise is not stated: simulation needs to know it; state it, or give --own-data")]
     NoNoise,
+    /// Gross errors of readings that take none.
+    #[error(
+        "benchmark.outliers: gross errors are drawn for measured poses and positions of the tool only; take them out"
+    )]
+    Outliers,
     /// Postures do not close.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
@@ -73,11 +83,8 @@ pub fn draw(
             (samples, holdout, Some(truth))
         }
     };
-    let start = match FreeEnds::of(mechanism) {
-        FreeEnds { base: false, tool: false } => None,
-        free => registered(mechanism, &samples, free),
-    };
-    Ok(Drawn { start: start.unwrap_or_else(|| mechanism.clone()), samples, holdout, truth, from })
+    let start = placed(mechanism, &samples).unwrap_or_else(|| mechanism.clone());
+    Ok(Drawn { start, samples, holdout, truth, from })
 }
 
 type Measured = (Vec<Sample>, Vec<Sample>, Option<Geometry>);
@@ -101,13 +108,31 @@ fn simulated(
     noise: f64,
     seed: u64,
 ) -> Result<(Vec<Sample>, Vec<Sample>, Geometry), DrawError> {
-    let mechanism = &problem.mechanism;
+    check_recipe(problem)?;
     let recipe = problem.drawing.benchmark.clone().unwrap_or_default();
-    let covariance = problem.data.noise.ok_or(DrawError::NoNoise)? * (noise * noise);
-    let own = if problem.data.is_empty() { POSES } else { problem.data.samples.len() };
+    let counts: Vec<usize> = problem
+        .data
+        .parts()
+        .iter()
+        .map(|set| recipe.poses.unwrap_or(if set.is_empty() { POSES } else { set.samples.len() }))
+        .collect();
+    let poses = counts.iter().sum();
     let distance = recipe.distance.unwrap_or(1.0);
-    let plan = Plan { poses: recipe.poses.unwrap_or(own), holdout: HOLDOUT, seed, noise: 1.0, distance };
-    let drawn = simulate_by(&recipe, mechanism, &covariance, &plan)?;
+    let plan = Plan { poses, holdout: HOLDOUT, seed, noise: 1.0, distance };
+    match problem.measures_tool_alone() {
+        true => simulated_poses(problem, &recipe, noise, &plan),
+        false => simulated_readings(problem, &recipe, noise, &counts, &plan),
+    }
+}
+
+fn simulated_poses(
+    problem: &ProblemFile,
+    recipe: &BenchmarkDrawing,
+    noise: f64,
+    plan: &Plan,
+) -> Result<(Vec<Sample>, Vec<Sample>, Geometry), DrawError> {
+    let covariance = problem.data.noise.ok_or(DrawError::NoNoise)? * (noise * noise);
+    let drawn = simulate_by(recipe, &problem.mechanism, &covariance, plan)?;
     let rotation = problem.data.kind != Kind::Position;
     let measured = |name: &str, seen: bool, poses: Vec<(Vec<f64>, Se3)>| {
         let sample = |(k, (actuators, pose)): (usize, (Vec<f64>, Se3))| {
@@ -124,22 +149,75 @@ fn simulated(
     Ok((samples, holdout, drawn.truth))
 }
 
-/// Simulates with the sparse truth and the gross errors that the recipe asks for, and else as the plan says.
+/// Readings of the problem's kinds, set by set; those of the hold-out are true ones.
+fn simulated_readings(
+    problem: &ProblemFile,
+    recipe: &BenchmarkDrawing,
+    noise: f64,
+    counts: &[usize],
+    plan: &Plan,
+) -> Result<(Vec<Sample>, Vec<Sample>, Geometry), DrawError> {
+    let sets = problem.data.parts();
+    if sets.iter().any(|set| set.noise.is_none()) {
+        return Err(DrawError::NoNoise);
+    }
+    let weighted = |blank: &Blank| blank.measurement.reweighted(Weights::Scaled(noise));
+    let blanks: Vec<Vec<_>> = sets.iter().map(|set| set.blanks.iter().map(weighted).collect()).collect();
+    let (truth, drawn) = simulate_sets_by(recipe, &problem.mechanism, &blanks, counts, plan)?;
+    let named = |name: &str, of: fn(&SimulatedSet) -> &Vec<Reading>| -> Vec<Sample> {
+        let readings = drawn.iter().flat_map(of).cloned().enumerate();
+        readings
+            .map(|(k, (actuators, measurement))| Sample {
+                name: format!("{name} {}", k + 1),
+                actuators,
+                measurement,
+            })
+            .collect()
+    };
+    Ok((named("sample", |set| &set.samples), named("hold-out", |set| &set.holdout), truth))
+}
+
+/// Refuses gross errors of readings that are not poses or positions.
+pub fn check_recipe(problem: &ProblemFile) -> Result<(), DrawError> {
+    let gross = problem.drawing.benchmark.as_ref().is_some_and(|recipe| recipe.outliers.is_some());
+    if gross && !problem.measures_tool_alone() { Err(DrawError::Outliers) } else { Ok(()) }
+}
+
+fn true_machine(recipe: &BenchmarkDrawing, mechanism: &Mechanism, plan: &Plan) -> Geometry {
+    let mut deviations = draw_deviations(mechanism, plan.seed, plan.distance);
+    if let Some(count) = recipe.links_off {
+        keep_links(&mut deviations[..mechanism.link_component_count()], count, plan.seed);
+    }
+    mechanism.deviated(&deviations)
+}
+
+/// Simulates poses with the sparse truth and the gross errors that the recipe asks for, and else as the plan says.
 pub fn simulate_by(
     recipe: &BenchmarkDrawing,
     mechanism: &Mechanism,
     covariance: &Matrix6<f64>,
     plan: &Plan,
 ) -> Result<Simulated, SimulateError> {
-    let mut deviations = draw_deviations(mechanism, plan.seed, plan.distance);
-    if let Some(count) = recipe.links_off {
-        keep_links(&mut deviations, count, plan.seed);
-    }
-    let mut drawn = simulate_truth(mechanism, mechanism.deviated(&deviations), covariance, plan)?;
+    let truth = true_machine(recipe, mechanism, plan);
+    let mut drawn = simulate_truth(mechanism, truth, covariance, plan)?;
     if let Some(gross) = recipe.outliers {
         spoil(&mut drawn.samples, covariance, gross.share, gross.factor, plan.seed);
     }
     Ok(drawn)
+}
+
+/// Simulates readings of any kind with the sparse truth that the recipe asks for, without gross errors, as
+/// [`crate::simulate::simulate_sets`] does.
+pub fn simulate_sets_by(
+    recipe: &BenchmarkDrawing,
+    mechanism: &Mechanism,
+    blanks: &[Vec<Arc<dyn Measurement>>],
+    counts: &[usize],
+    plan: &Plan,
+) -> Result<(Geometry, Vec<SimulatedSet>), SimulateError> {
+    let truth = true_machine(recipe, mechanism, plan);
+    let sets = simulate_sets_truth(mechanism, &truth, blanks, counts, plan)?;
+    Ok((truth, sets))
 }
 
 fn stream(seed: u64, number: u64) -> ChaCha8Rng {

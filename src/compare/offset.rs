@@ -12,7 +12,7 @@ use crate::solve::Estimate;
 const ROUNDING: f64 = 1e-8;
 
 /// Relative offset of Bates and Watts (Technometrics 23(2), 1981), with the prior's rows among the residuals
-/// (docs/theory.md (11.1)): the length of the Gauss-Newton step in units of the uncertainty of the estimate.
+/// (docs/theory.md (13.1)): the length of the Gauss-Newton step in units of the uncertainty of the estimate.
 ///
 /// `None` for constrained and robust estimates, which are stationary points of something else, and where the result
 /// cannot be evaluated.

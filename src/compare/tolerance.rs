@@ -11,10 +11,10 @@ pub struct Tolerance {
     pub name: String,
     /// Every identifier's rules.
     pub stop: Stop,
-    /// Largest relative offset (docs/theory.md (11.1)): distance from the stationary point, in units of the
+    /// Largest relative offset (docs/theory.md (13.1)): distance from the stationary point, in units of the
     /// uncertainty of the estimate.
     pub offset: f64,
-    /// Part by which the cost may exceed that of the truth with its prior (11.2).
+    /// Part by which the cost may exceed that of the truth with its prior (13.2).
     pub cost: f64,
     /// Largest error of predicted poses, in units of the Cramer-Rao bound.
     pub prediction: f64,

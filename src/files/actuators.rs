@@ -8,8 +8,9 @@ use super::json;
 use super::place::Place;
 use super::problem::Model;
 use super::readings::variables;
-use super::table::{self, PoseColumns, TableRequest};
+use super::table::{self, OtherColumns, PoseColumns, TableRequest};
 use serde::Deserialize;
+use std::io;
 use std::path::Path;
 
 /// Readings of one posture.
@@ -33,6 +34,16 @@ struct ActuatorFile {
 #[derive(Deserialize)]
 struct Readings {
     actuators: Vec<f64>,
+}
+
+/// A CSV file of readings in units of the file, one column for each actuator of these names.
+pub fn actuators_text(names: &[String], rows: &[Vec<f64>]) -> io::Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(names)?;
+    for row in rows {
+        writer.serialize(row)?;
+    }
+    writer.into_inner().map_err(|error| error.into_error())
 }
 
 /// Reads the postures of `path` for `model`, whose units govern it. A file that begins with a brace is JSON.
@@ -78,7 +89,13 @@ fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>
 fn from_table(file: &str, short: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
     let names = model.mechanism.actuator_names();
     let parse = |columns: Option<&ColumnsDrawing>| {
-        let request = TableRequest { actuators: &names, columns, filter: None, poses: PoseColumns::Ignored };
+        let request = TableRequest {
+            actuators: &names,
+            columns,
+            filter: None,
+            poses: PoseColumns::Ignored,
+            others: OtherColumns::default(),
+        };
         table::parse(file, bytes, &request)
     };
     let table = match (parse(None), &model.columns) {

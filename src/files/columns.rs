@@ -26,6 +26,30 @@ pub struct ColumnsDrawing {
     /// Of the quaternion `[w, x, y, z]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quaternion: Option<[String; 4]>,
+    /// Of the second posture's actuators, in actuator order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<Vec<String>>,
+    /// Of the distance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance: Option<String>,
+    /// Of the height above the plane.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height: Option<String>,
+    /// Of the sensed joints, in their order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joints: Option<Vec<String>>,
+    /// Of the target's name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<String>,
+    /// Of the fixed point's name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point: Option<String>,
+    /// Of the plane's name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane: Option<String>,
+    /// Of the gauge's name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gauge: Option<String>,
 }
 
 /// Where in a row everything stands.
@@ -35,6 +59,12 @@ pub(super) struct Layout {
     pub position: Option<[usize; 3]>,
     pub rotation: Option<[usize; 3]>,
     pub quaternion: Option<[usize; 4]>,
+    pub second: Vec<usize>,
+    pub distance: Option<usize>,
+    pub height: Option<usize>,
+    pub joints: Vec<usize>,
+    /// Columns of names: target, point, plane, gauge.
+    pub names: [Option<usize>; 4],
     /// Columns that must hold a text for the row to count.
     pub filter: Vec<(usize, String)>,
 }
@@ -100,12 +130,67 @@ impl Header<'_> {
         columns.collect()
     }
 
+    /// A column of one kind of measurement: as the problem file names it, or by our name.
+    fn one(&self, own: Option<&String>, name: &str) -> Result<usize, FileError> {
+        self.need(own.map_or(name, String::as_str))
+    }
+
+    /// A list of columns: as the problem file names them, or by our names.
+    fn list(&self, own: Option<&Vec<String>>, names: &[String]) -> Result<Vec<usize>, FileError> {
+        let stated = own.map_or(names, Vec::as_slice);
+        if stated.len() != names.len() {
+            let (found, wanted) = (stated.len(), names.len());
+            return Err(self.at.error(Fault::JointCount { found, wanted, names: names.join(", ") }));
+        }
+        stated.iter().map(|name| self.need(name)).collect()
+    }
+
+    /// What further kinds of measurement read.
+    fn others(&self, request: &TableRequest<'_>, layout: &mut Layout) -> Result<(), FileError> {
+        let (own, wanted) = (request.columns, &request.others);
+        if wanted.second {
+            let named = |prefix: &str| -> Vec<String> {
+                request.actuators.iter().map(|name| format!("{prefix}{name}")).collect()
+            };
+            let short: Vec<String> = (1..=request.actuators.len()).map(|i| format!("second.q{i}")).collect();
+            let by_number = short.iter().any(|name| self.find(name).is_some());
+            let ours = if by_number { short } else { named("second.") };
+            layout.second = self.list(own.and_then(|c| c.second.as_ref()), &ours)?;
+        }
+        if wanted.distance {
+            layout.distance = Some(self.one(own.and_then(|c| c.distance.as_ref()), "distance")?);
+        }
+        if wanted.height {
+            layout.height = match own.and_then(|c| c.height.as_ref()) {
+                Some(name) => Some(self.need(name)?),
+                None => self.find("height"),
+            };
+        }
+        if !wanted.joints.is_empty() {
+            layout.joints = self.list(own.and_then(|c| c.joints.as_ref()), wanted.joints)?;
+        }
+        if wanted.names {
+            let stated = own.map(|c| [&c.target, &c.point, &c.plane, &c.gauge]);
+            for (k, name) in ["target", "point", "plane", "gauge"].into_iter().enumerate() {
+                layout.names[k] = match stated.and_then(|stated| stated[k].as_ref()) {
+                    Some(own) => Some(self.need(own)?),
+                    None => self.find(name),
+                };
+            }
+        }
+        Ok(())
+    }
+
     /// Refuses columns that mean nothing, where the table uses our names.
     fn check_known(&self, layout: &Layout) -> Result<(), FileError> {
         let ours = POSITION.iter().chain(&ROTATION).chain(&QUATERNION);
         let ours: Vec<&str> = ours.copied().collect();
         let unknown = self.names.iter().enumerate().find(|(i, name)| {
             !layout.actuators.contains(i)
+                && !layout.second.contains(i)
+                && !layout.joints.contains(i)
+                && !layout.names.contains(&Some(*i))
+                && ![layout.distance, layout.height].contains(&Some(*i))
                 && !layout.filter.iter().any(|(column, _)| column == i)
                 && !ours.contains(name)
         });
@@ -115,7 +200,8 @@ impl Header<'_> {
                 found: quoted(name),
                 expected:
                     "columns are one per actuator, called `limb.joint` or q1, q2..., then x, y, z and rx, \
-                           ry, rz or qw, qx, qy, qz; data.columns names others"
+                           ry, rz or qw, qx, qy, qz, or what else the kind of measurement reads; data.columns names \
+                           others"
                         .into(),
             })),
         }
@@ -142,6 +228,7 @@ impl Layout {
         for (name, text) in request.filter.into_iter().flatten() {
             layout.filter.push((header.need(name)?, text.clone()));
         }
+        header.others(request, &mut layout)?;
         if request.columns.is_none() {
             header.check_known(&layout)?;
         }

@@ -1,9 +1,11 @@
 //! The `data` of a problem file: where the measured postures are, and what is known of their noise.
 
 use super::columns::ColumnsDrawing;
-use super::dataset::{DataSet, Kind, MeasuredPose};
+use super::dataset::{Blank, DataSet, Kind};
 use super::error::FileError;
 use super::fault::Fault;
+use super::instrument::{Instrument, InstrumentDrawing};
+use super::kinds::{self, Reader, Written};
 use super::noise::{CovarianceDrawing, NoiseDrawing, assumed_noise, read_noise};
 use super::place::Place;
 use super::pose::PoseDrawing;
@@ -44,22 +46,68 @@ pub struct DataDrawing {
     /// The rows of the file that count: those with this text in this column.
     #[serde(default, rename = "where", skip_serializing_if = "Option::is_none")]
     pub filter: Option<BTreeMap<String, String>>,
+    /// What the measurements refer to. Of the data as a whole, their hold-out included.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instrument: Option<InstrumentDrawing>,
+    /// Names `limb.joint` of the sensed passive joints, in the order of readings; all passive joints where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joints: Option<Vec<String>>,
+    /// The target of every sample that does not name its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<String>,
+    /// The fixed point of every sample that does not name its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point: Option<String>,
+    /// The plane of every sample that does not name its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane: Option<String>,
+    /// The gauge of every sample that does not name its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gauge: Option<String>,
     /// Samples inline.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples: Option<Vec<SampleDrawing>>,
+    /// Several sets, each of its own kind and noise, instead of `samples` or `file`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sets: Option<Vec<DataDrawing>>,
     /// Like this, never used to identify.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub holdout: Option<Box<DataDrawing>>,
 }
 
 /// One measured posture.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SampleDrawing {
     /// Readings in actuator order, angle or length of the file.
     pub actuators: Vec<f64>,
     /// Measured pose.
+    #[serde(default, skip_serializing_if = "PoseDrawing::is_empty")]
     pub pose: PoseDrawing,
+    /// Actuator readings of the posture that this one is compared with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<Vec<f64>>,
+    /// Measured distance, length of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance: Option<f64>,
+    /// Measured height above the plane, length of the file; a touch where it is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height: Option<f64>,
+    /// Readings of the sensed joints, angle or length of the file; `null` for one that was not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joints: Option<Vec<Option<f64>>>,
+    /// Name of the target on the tool.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<String>,
+    /// Name of the fixed point.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point: Option<String>,
+    /// Name of the plane.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane: Option<String>,
+    /// Name of the gauge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gauge: Option<String>,
     /// Of this sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseDrawing>,
@@ -72,7 +120,7 @@ impl SampleDrawing {
     /// A posture with joint variables `variables` (rad or m, actuator order) measured at `pose`.
     pub fn of(mechanism: &Mechanism, units: Units, variables: &[f64], pose: &Se3) -> Self {
         let actuators = readings(mechanism, units, variables);
-        Self { actuators, pose: PoseDrawing::of(pose, units), noise: None, covariance: None }
+        Self { actuators, pose: PoseDrawing::of(pose, units), ..Self::default() }
     }
 }
 
@@ -81,51 +129,118 @@ impl SampleDrawing {
 pub(super) struct Context<'a> {
     pub mechanism: &'a Mechanism,
     pub units: Units,
+    pub instrument: &'a Instrument,
     /// Folder of the problem file.
     pub folder: &'a Path,
     pub places: &'a DataPlaces,
 }
 
 impl DataDrawing {
+    /// The instrument, of which the data and their hold-out are made.
+    pub(super) fn instrument(&self, units: Units, at: &Place<'_>) -> Result<Instrument, FileError> {
+        let list = at.key("sets");
+        let sets = self.sets.iter().flatten().enumerate().map(|(i, set)| (set, list.index(i)));
+        let holdout = self.holdout.iter().map(|holdout| (&**holdout, at.key("holdout")));
+        for (part, at) in sets.chain(holdout) {
+            if part.instrument.is_some() {
+                return Err(at.key("instrument").error(Fault::OfWholeData("instrument")));
+            }
+        }
+        match &self.instrument {
+            Some(instrument) => instrument.read(units, &at.key("instrument")),
+            None => Ok(Instrument::default()),
+        }
+    }
+
     /// The postures, and those of the hold-out.
     pub(super) fn read(
         &self,
         context: &Context<'_>,
         at: &Place<'_>,
     ) -> Result<(DataSet, DataSet), FileError> {
-        let data = self.read_set(context, at)?;
+        let data = self.read_sets(context, at)?;
         let holdout = match &self.holdout {
             None => DataSet::default(),
             Some(holdout) if holdout.holdout.is_some() => {
                 return Err(at.key("holdout").key("holdout").error(Fault::NestedHoldout));
             }
-            Some(holdout) => holdout.inheriting(self).read_set(context, &at.key("holdout"))?,
+            Some(holdout) => holdout.inheriting(self).read_sets(context, &at.key("holdout"))?,
         };
         Ok((data, holdout))
     }
 
-    /// The same, with what is left out taken from `data`: kind and noise, and the names of the columns.
+    /// The same, with what is left out taken from `data`: kind and noise, the names of the columns, and what
+    /// measurements refer to.
     fn inheriting(&self, data: &DataDrawing) -> DataDrawing {
         let mut whole = self.clone();
         whole.kind = whole.kind.or_else(|| data.kind.clone());
         if whole.noise.is_none() && whole.covariance.is_none() {
             (whole.noise, whole.covariance) = (data.noise.clone(), data.covariance.clone());
         }
-        if whole.samples.is_none() && whole.file.is_none() && whole.filter.is_some() {
+        let none = whole.samples.is_none() && whole.sets.is_none();
+        if none && whole.file.is_none() && whole.filter.is_some() {
             whole.file.clone_from(&data.file);
         }
         if whole.file.is_some() && whole.columns.is_none() {
             whole.columns.clone_from(&data.columns);
         }
+        for (own, other) in [
+            (&mut whole.target, &data.target),
+            (&mut whole.point, &data.point),
+            (&mut whole.plane, &data.plane),
+            (&mut whole.gauge, &data.gauge),
+        ] {
+            if own.is_none() {
+                own.clone_from(other);
+            }
+        }
+        whole.joints = whole.joints.or_else(|| data.joints.clone());
         whole
     }
 
-    fn read_set(&self, context: &Context<'_>, at: &Place<'_>) -> Result<DataSet, FileError> {
+    fn read_sets(&self, context: &Context<'_>, at: &Place<'_>) -> Result<DataSet, FileError> {
+        let Some(sets) = &self.sets else { return self.read_set(context, at, "") };
+        for (key, stated) in [
+            ("samples", self.samples.is_some()),
+            ("file", self.file.is_some()),
+            ("columns", self.columns.is_some()),
+            ("where", self.filter.is_some()),
+        ] {
+            if stated {
+                return Err(at.key(key).error(Fault::BesideSets(key)));
+            }
+        }
+        let list = at.key("sets");
+        if sets.is_empty() {
+            return Err(list.error(Fault::NoSet));
+        }
+        let mut read = Vec::with_capacity(sets.len());
+        for (i, set) in sets.iter().enumerate() {
+            let here = list.index(i);
+            for (key, stated) in [("sets", set.sets.is_some()), ("holdout", set.holdout.is_some())] {
+                if stated {
+                    return Err(here.key(key).error(Fault::OfWholeData(key)));
+                }
+            }
+            let prefix = format!("set {} ", i + 1);
+            read.push(set.inheriting(self).read_set(context, &here, &prefix)?);
+        }
+        Ok(DataSet::of_sets(read, self.origin.clone()))
+    }
+
+    fn read_set(&self, context: &Context<'_>, at: &Place<'_>, prefix: &str) -> Result<DataSet, FileError> {
         let kind = Kind::read(self.kind.as_deref(), &at.key("kind"))?;
-        let noise = read_noise(self.noise.as_ref(), self.covariance.as_ref(), kind, context.units, at)?;
+        let Context { mechanism, units, instrument, .. } = *context;
+        let sensed = match kind {
+            Kind::PassiveJoint => kinds::sensed(mechanism, self.joints.as_ref(), &at.key("joints"))?,
+            _ => Vec::new(),
+        };
+        let reader = Reader { kind, mechanism, units, instrument, sensed };
+        let needs = kind.needs(&reader.sensed);
+        let noise = read_noise(self.noise.as_ref(), self.covariance.as_ref(), needs, units, at)?;
         let set = DataSet { kind, noise, origin: self.origin.clone(), ..DataSet::default() };
-        let weight = noise.unwrap_or_else(|| assumed_noise(context.mechanism));
-        let mut filling = Filling { set, weight, context };
+        let weight = noise.unwrap_or_else(|| assumed_noise(mechanism));
+        let mut filling = Filling { set, weight, context, reader, common: self, prefix };
         match (&self.samples, &self.file) {
             (Some(_), Some(_)) => return Err(at.key("file").error(Fault::TwoSources)),
             (None, Some(file)) => filling.add_table(self, file, at)?,
@@ -137,6 +252,7 @@ impl DataDrawing {
             }
             (samples, None) => filling.add_samples(samples.as_deref().unwrap_or_default(), at)?,
         }
+        filling.add_blanks(at)?;
         Ok(filling.set)
     }
 }
@@ -147,19 +263,24 @@ struct Filling<'a> {
     /// Covariance by which samples are weighted.
     weight: Matrix6<f64>,
     context: &'a Context<'a>,
+    reader: Reader<'a>,
+    /// What samples refer to that name nothing themselves.
+    common: &'a DataDrawing,
+    /// Of the names of samples.
+    prefix: &'a str,
 }
 
 impl Filling<'_> {
     fn add_samples(&mut self, samples: &[SampleDrawing], at: &Place<'_>) -> Result<(), FileError> {
         let list = at.key("samples");
         for (i, sample) in samples.iter().enumerate() {
-            let name = format!("sample {}", i + 1);
+            let name = format!("{}sample {}", self.prefix, i + 1);
             let entry = list.index(i);
             let here = entry.named(&name);
             let (noise, covariance) = (sample.noise.as_ref(), sample.covariance.as_ref());
-            let own = read_noise(noise, covariance, self.set.kind, self.context.units, &here)?;
-            let (readings_at, pose_at) = (here.key("actuators"), here.key("pose"));
-            self.add(name.clone(), (&sample.actuators, &readings_at), (&sample.pose, &pose_at), own)?;
+            let needs = self.set.kind.needs(&self.reader.sensed);
+            let own = read_noise(noise, covariance, needs, self.context.units, &here)?;
+            self.add(name.clone(), sample.clone(), &here, true, own)?;
         }
         Ok(())
     }
@@ -167,6 +288,7 @@ impl Filling<'_> {
     fn add_table(&mut self, drawing: &DataDrawing, file: &str, at: &Place<'_>) -> Result<(), FileError> {
         let path = self.context.places.find(self.context.folder, file, &at.key("file"))?;
         let names = self.context.mechanism.actuator_names();
+        let joints: Vec<String> = self.reader.sensed.iter().map(|joint| joint.name.clone()).collect();
         let request = TableRequest {
             actuators: &names,
             columns: drawing.columns.as_ref(),
@@ -174,7 +296,9 @@ impl Filling<'_> {
             poses: match self.set.kind {
                 Kind::Pose => PoseColumns::Complete,
                 Kind::Position => PoseColumns::Position,
+                _ => PoseColumns::Ignored,
             },
+            others: self.set.kind.columns(&joints),
         };
         let shown = path.display().to_string();
         let whole = Place::file(&shown);
@@ -182,33 +306,77 @@ impl Filling<'_> {
             path.file_name().map_or_else(|| shown.clone(), |name| name.to_string_lossy().into_owned());
         for row in table::parse(&shown, &table::read(&path)?, &request)? {
             let line = whole.line(row.line);
-            let name = format!("{short} line {}", row.line);
-            self.add(name, (&row.readings, &line), (&row.pose, &line), None)?;
+            let name = format!("{}{short} line {}", self.prefix, row.line);
+            let [target, point, plane, gauge] = row.names;
+            let sample = SampleDrawing {
+                actuators: row.readings,
+                pose: row.pose,
+                second: request.others.second.then_some(row.second),
+                distance: row.distance,
+                height: row.height,
+                joints: (!joints.is_empty()).then_some(row.joints),
+                target,
+                point,
+                plane,
+                gauge,
+                ..SampleDrawing::default()
+            };
+            self.add(name, sample, &line, false, None)?;
         }
         Ok(())
+    }
+
+    /// What a sample without names of its own refers to.
+    fn name_things(&self, sample: &mut SampleDrawing) {
+        let common = self.common;
+        for (own, other) in [
+            (&mut sample.target, &common.target),
+            (&mut sample.point, &common.point),
+            (&mut sample.plane, &common.plane),
+            (&mut sample.gauge, &common.gauge),
+        ] {
+            if own.is_none() {
+                own.clone_from(other);
+            }
+        }
     }
 
     fn add(
         &mut self,
         name: String,
-        (readings, readings_at): (&[f64], &Place<'_>),
-        (pose, pose_at): (&PoseDrawing, &Place<'_>),
+        mut sample: SampleDrawing,
+        at: &Place<'_>,
+        keyed: bool,
         own: Option<Matrix6<f64>>,
     ) -> Result<(), FileError> {
+        self.name_things(&mut sample);
+        let written = Written { sample: &sample, at, keyed };
+        let readings_at = written.part("actuators");
         let Context { mechanism, units, .. } = *self.context;
-        let actuators = variables(mechanism, units, readings, readings_at)?;
-        let seen = match self.set.kind {
-            Kind::Pose => pose.components(units, pose_at)?,
-            Kind::Position => pose.position_only(units, pose_at)?,
-        };
-        if !seen.rotation && seen.position == [false; 3] {
-            return Err(pose_at.error(Fault::NothingMeasured));
-        }
-        let measured = MeasuredPose::new(seen, own);
-        let measurement =
-            measured.measurement(&self.weight).map_err(|_| pose_at.error(Fault::NotPositive))?;
+        let actuators = variables(mechanism, units, &sample.actuators, &readings_at)?;
+        let (measurement, measured) = self.reader.measurement(&written, &self.weight, own)?;
         self.set.samples.push(Sample { name, actuators, measurement });
         self.set.measured.push(measured);
+        self.set.written.push(sample.pose);
+        Ok(())
+    }
+
+    /// What this set could measure: planning and simulation start from it.
+    fn add_blanks(&mut self, at: &Place<'_>) -> Result<(), FileError> {
+        let mut common = SampleDrawing::default();
+        self.name_things(&mut common);
+        let sensed = self.reader.sensed.iter().map(|s| (s.joint.motion, s.joint.home));
+        let sensed: Vec<_> = sensed.collect();
+        for drawing in self.reader.blanks(&common) {
+            let written = Written { sample: &drawing, at, keyed: false };
+            let (measurement, _) = self.reader.measurement(&written, &self.weight, None)?;
+            self.set.blanks.push(Blank { drawing, measurement, sensed: sensed.clone() });
+        }
+        let driven = self.reader.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|j| j.actuated);
+        self.set.angles_only =
+            driven.chain(self.reader.sensed.iter().map(|s| s.joint)).all(|j| j.motion.is_angular())
+                && !self.reader.sensed.is_empty();
+        self.set.sensed = self.reader.sensed.iter().map(|s| (s.at.limb, s.name.clone())).collect();
         Ok(())
     }
 }

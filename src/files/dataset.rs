@@ -1,13 +1,15 @@
 //! Measured postures, read.
 
+use super::data::SampleDrawing;
 use super::error::{FileError, quoted};
 use super::fault::Fault;
 use super::place::Place;
-use super::pose::Components;
+use super::pose::{Components, PoseDrawing};
 use crate::calibration::Sample;
 use crate::lie::Se3;
 use crate::measure::pose::NotPositive;
-use crate::measure::{Measurement, Pose};
+use crate::measure::{Measurement, Pose, Weights};
+use crate::model::Motion;
 use nalgebra::Matrix6;
 use std::sync::Arc;
 
@@ -17,22 +19,36 @@ pub enum Kind {
     /// Position and rotation of the tool.
     #[default]
     Pose,
-    /// Position of the tool point.
+    /// Position of the tool point, or of a target on the tool.
     Position,
+    /// Distance of the tool point or a target from a fixed point.
+    Distance,
+    /// Distance between the places of the tool point or a target in two postures.
+    Separation,
+    /// Touch of a plane, or height above it.
+    Plane,
+    /// Readings of sensors on passive joints.
+    PassiveJoint,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Kind; 2] = [Kind::Pose, Kind::Position];
+    pub const ALL: [Kind; 6] =
+        [Kind::Pose, Kind::Position, Kind::Distance, Kind::Separation, Kind::Plane, Kind::PassiveJoint];
 
     /// Its name in files.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Pose => "pose",
             Kind::Position => "position",
+            Kind::Distance => "distance",
+            Kind::Separation => "separation",
+            Kind::Plane => "plane",
+            Kind::PassiveJoint => "passive-joint",
         }
     }
 
+    /// The kind of this name; `pose` where there is none.
     pub(super) fn read(name: Option<&str>, at: &Place<'_>) -> Result<Self, FileError> {
         let Some(name) = name else { return Ok(Kind::default()) };
         Kind::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
@@ -74,6 +90,17 @@ impl MeasuredPose {
     }
 }
 
+/// A measurement without readings, with what it refers to.
+#[derive(Clone, Debug)]
+pub struct Blank {
+    /// As a file writes it.
+    pub drawing: SampleDrawing,
+    /// Weighted by the stated noise.
+    pub measurement: Arc<dyn Measurement>,
+    /// How each sensed joint moves, and its reading at home (rad, m).
+    pub sensed: Vec<(Motion, f64)>,
+}
+
 /// The postures that a problem's `data` or `holdout` holds; none where only noise is stated.
 #[derive(Clone, Debug, Default)]
 pub struct DataSet {
@@ -83,10 +110,20 @@ pub struct DataSet {
     pub samples: Vec<Sample>,
     /// What was measured in each of the samples.
     pub measured: Vec<MeasuredPose>,
+    /// The same as the file writes it, in its units.
+    pub written: Vec<PoseDrawing>,
     /// Covariance of a measured pose (rotation first, rad and m), where it is stated for all samples.
     pub noise: Option<Matrix6<f64>>,
     /// Where the data come from, in words.
     pub origin: Option<String>,
+    /// One for each combination of what the measurements of this kind refer to; empty where there are several sets.
+    pub blanks: Vec<Blank>,
+    /// The sensed joints: index of the limb, and name `limb.joint`.
+    pub sensed: Vec<(usize, String)>,
+    /// Whether every reading, those of the actuators included, is an angle.
+    pub angles_only: bool,
+    /// The sets that these data consist of, where there are several.
+    pub sets: Vec<DataSet>,
 }
 
 impl DataSet {
@@ -97,7 +134,68 @@ impl DataSet {
 
     /// Whether the noise of every sample is stated.
     pub fn has_noise(&self) -> bool {
+        if !self.sets.is_empty() {
+            return self.sets.iter().all(DataSet::has_noise);
+        }
         self.noise.is_some() || (!self.is_empty() && self.measured.iter().all(|m| m.noise.is_some()))
+    }
+
+    /// The sets, one where there are no several.
+    pub fn parts(&self) -> &[DataSet] {
+        if self.sets.is_empty() { std::slice::from_ref(self) } else { &self.sets }
+    }
+
+    /// Several sets as one: samples in their order, kind and noise of the first.
+    pub(super) fn of_sets(sets: Vec<DataSet>, origin: Option<String>) -> Self {
+        let first = sets.first();
+        Self {
+            kind: first.map_or(Kind::default(), |set| set.kind),
+            samples: sets.iter().flat_map(|set| set.samples.iter().cloned()).collect(),
+            measured: sets.iter().flat_map(|set| set.measured.iter().cloned()).collect(),
+            written: sets.iter().flat_map(|set| set.written.iter().cloned()).collect(),
+            noise: first.and_then(|set| set.noise),
+            origin,
+            blanks: Vec::new(),
+            angles_only: false,
+            sensed: sets.iter().flat_map(|set| set.sensed.iter().cloned()).collect(),
+            sets,
+        }
+    }
+
+    /// What these kinds of measurement cannot see however many there are, in words.
+    pub fn kind_notes(&self) -> Vec<&'static str> {
+        let kinds: Vec<Kind> = self.parts().iter().map(|set| set.kind).collect();
+        let only = |of: &[Kind]| !kinds.is_empty() && kinds.iter().all(|kind| of.contains(kind));
+        let mut notes = Vec::new();
+        if only(&[Kind::Separation, Kind::PassiveJoint]) {
+            notes.push(
+                "no reading refers to {S}: where the base stands cannot be seen and stays as drawn (6 directions)",
+            );
+        } else if only(&[Kind::Distance, Kind::Separation, Kind::PassiveJoint]) {
+            notes.push(
+                "distances see {S} only through fixed points: if these are identified, {S} stays where the drawing and \
+                 the tolerances put it",
+            );
+        } else if only(&[Kind::Plane, Kind::Separation, Kind::PassiveJoint]) {
+            notes.push(
+                "a plane fixes {S} in height and two tilts: shifts along it and the turn about its normal cannot be seen",
+            );
+        }
+        if only(&[Kind::PassiveJoint]) && self.parts().iter().all(|set| set.angles_only) {
+            notes.push(
+                "angles alone have no scale: the size of the machine cannot be seen and stays as drawn",
+            );
+        }
+        notes
+    }
+
+    /// What points alone cannot see, in words; `None` where something else was measured too.
+    pub fn point_note(&self) -> Option<&'static str> {
+        let points = self.parts().iter().all(|set| !matches!(set.kind, Kind::Pose | Kind::PassiveJoint));
+        points.then_some(
+            "points alone do not see how the tool frame is turned about the point that is measured, unless several \
+             targets are",
+        )
     }
 
     /// The samples weighted anew by `covariance` (rotation first, rad and m), but for those with noise of their own.
@@ -105,7 +203,14 @@ impl DataSet {
         let pairs = self.samples.iter().zip(&self.measured);
         pairs
             .map(|(sample, measured)| {
-                Ok(Sample { measurement: measured.measurement(covariance)?, ..sample.clone() })
+                let (angle, length) = (covariance[(0, 0)].sqrt(), covariance[(3, 3)].sqrt());
+                let measurement =
+                    match (&measured.noise, measured.rotation || measured.position.contains(&true)) {
+                        (_, true) => measured.measurement(covariance)?,
+                        (Some(_), false) => sample.measurement.clone(),
+                        (None, false) => sample.measurement.reweighted(Weights::Isotropic { angle, length }),
+                    };
+                Ok(Sample { measurement, ..sample.clone() })
             })
             .collect()
     }

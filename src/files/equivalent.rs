@@ -54,6 +54,7 @@ impl JointDrawing {
                 motion,
                 frame: frame_on_axis(point, axis),
                 actuated,
+                sensed: false,
                 home: units.joint(motion, home.unwrap_or(0.0), &at.key("home"))?,
                 range: range.flatten().map(|pair| read_range(pair, motion, units, &at_range)).transpose()?,
             });

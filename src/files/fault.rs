@@ -97,6 +97,34 @@ pub enum Fault {
     NotPositive,
     #[error("unknown kind of measurement {found}; known kinds: {known}")]
     UnknownKind { found: String, known: String },
+    #[error("unknown {what} {found}; data.instrument has: {known}")]
+    UnknownReference { what: &'static str, found: String, known: String },
+    #[error("which {what}? name one with \"{what}\": {known}")]
+    WhichReference { what: &'static str, known: String },
+    #[error("no {0}; draw one in data.instrument")]
+    NoReference(&'static str),
+    #[error("no {0}; it may only be left out where the tolerance is \"free\"")]
+    NotStated(&'static str),
+    #[error("the normal is zero; give it a direction")]
+    ZeroNormal,
+    #[error("the scale is zero")]
+    ZeroScale,
+    #[error("no {0}; a measured {1} needs it")]
+    NoNumber(&'static str, &'static str),
+    #[error("a measured {0} is one number: give its noise, not a covariance")]
+    CovarianceOfNumber(&'static str),
+    #[error("unknown joint {found}; passive joints: {known}")]
+    UnknownJoint { found: String, known: String },
+    #[error("no passive joints; this machine knows all of its joints")]
+    NoPassiveJoint,
+    #[error("{found} joint readings for {wanted} sensed joints ({names})")]
+    JointCount { found: usize, wanted: usize, names: String },
+    #[error("{0} is stated beside \"sets\"; move it into one of them")]
+    BesideSets(&'static str),
+    #[error("\"{0}\" belongs to data as a whole; move it there")]
+    OfWholeData(&'static str),
+    #[error("there is no set; list at least one, or give \"samples\" or \"file\"")]
+    NoSet,
     #[error("both samples and file given; remove one")]
     TwoSources,
     #[error("{0} only makes sense with a data file; name it with \"file\"")]

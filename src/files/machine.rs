@@ -78,7 +78,7 @@ impl MechanismDrawing {
             check_name(&name, &mut names, &here)?;
             limbs.push(drawing.read(&name, &general, units, &mut without_tolerance, &here)?);
         }
-        let mechanism = Mechanism { limbs };
+        let mechanism = Mechanism { limbs, instrument: Vec::new() };
         if mechanism.actuator_count() == 0 {
             return Err(at.error(Fault::NoActuator));
         }

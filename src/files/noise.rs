@@ -1,6 +1,5 @@
 //! Noise of measured poses as files write it.
 
-use super::dataset::Kind;
 use super::error::FileError;
 use super::fault::Fault;
 use super::place::Place;
@@ -33,6 +32,17 @@ pub struct NoiseDrawing {
     pub covariance: Option<CovarianceDrawing>,
 }
 
+/// What must be stated of the noise of a kind of measurement.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NoiseNeeds {
+    /// Name of the kind.
+    pub kind: &'static str,
+    pub angle: bool,
+    pub length: bool,
+    /// Whether every reading is a number by itself.
+    pub number: bool,
+}
+
 /// The covariance (rad and m) that stands in where no noise is stated: the same relative to the machine's size.
 pub fn assumed_noise(mechanism: &Mechanism) -> Matrix6<f64> {
     isotropic(ASSUMED_ANGLE, ASSUMED_ANGLE * mechanism.characteristic_length())
@@ -47,10 +57,13 @@ fn isotropic(angle: f64, length: f64) -> Matrix6<f64> {
 pub(super) fn read_noise(
     noise: Option<&NoiseDrawing>,
     covariance: Option<&CovarianceDrawing>,
-    kind: Kind,
+    needs: NoiseNeeds,
     units: Units,
     at: &Place<'_>,
 ) -> Result<Option<Matrix6<f64>>, FileError> {
+    if needs.number && (covariance.is_some() || noise.is_some_and(|noise| noise.covariance.is_some())) {
+        return Err(at.error(Fault::CovarianceOfNumber(needs.kind)));
+    }
     let here = at.key("noise");
     match (noise, covariance) {
         (None, None) => Ok(None),
@@ -61,14 +74,17 @@ pub(super) fn read_noise(
         }
         (Some(NoiseDrawing { covariance: Some(_), .. }), None) => Err(here.error(Fault::TwoNoises)),
         (Some(NoiseDrawing { angle, length, covariance: None }), None) => {
-            let missing = |key| here.error(Fault::NoiseMissing { kind: kind.name(), key });
-            let length = length.ok_or_else(|| missing("length"))?;
-            let length = units.length(positive(length, &here.key("length"))?, &here.key("length"))?;
-            let angle = match (angle, kind) {
-                (Some(angle), _) => units.angle(positive(*angle, &here.key("angle"))?, &here.key("angle"))?,
-                // No rotation is measured, so that its noise has no part in anything.
-                (None, Kind::Position) => 1.0,
-                (None, Kind::Pose) => return Err(missing("angle")),
+            let missing = |key| here.error(Fault::NoiseMissing { kind: needs.kind, key });
+            // What is not measured has no noise that has a part in anything.
+            let length = match length {
+                Some(length) => units.length(positive(*length, &here.key("length"))?, &here.key("length"))?,
+                None if needs.length => return Err(missing("length")),
+                None => 1.0,
+            };
+            let angle = match angle {
+                Some(angle) => units.angle(positive(*angle, &here.key("angle"))?, &here.key("angle"))?,
+                None if needs.angle => return Err(missing("angle")),
+                None => 1.0,
             };
             Ok(Some(isotropic(angle, length)))
         }

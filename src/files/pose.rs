@@ -38,6 +38,11 @@ pub struct Components {
 }
 
 impl PoseDrawing {
+    /// Whether nothing is stated.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
     /// The pose as a file with these units states it.
     pub fn of(pose: &Se3, units: Units) -> Self {
         let (position, rotation) = units.from_pose(pose);

@@ -3,10 +3,11 @@
 use super::benchmark::BenchmarkDrawing;
 use super::columns::ColumnsDrawing;
 use super::data::{Context, DataDrawing};
-use super::dataset::DataSet;
+use super::dataset::{DataSet, Kind};
 use super::drawing::MechanismDrawing;
 use super::error::{FileError, Location, quoted};
 use super::fault::Fault;
+use super::instrument::{Instrument, true_constants};
 use super::json;
 use super::machine::Drawn;
 use super::place::Place;
@@ -15,6 +16,7 @@ use super::units::Units;
 use crate::model::Mechanism;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Format of problem files.
@@ -45,6 +47,9 @@ pub struct ProblemDrawing {
     /// The true machine of a benchmark problem.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truth: Option<MechanismDrawing>,
+    /// The true values of the instrument's unknown constants, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub truth_instrument: BTreeMap<String, f64>,
 }
 
 /// A problem file, read.
@@ -129,19 +134,34 @@ pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<P
     let drawing: ProblemDrawing = json::parse(&file, bytes)?;
     let units = drawing.units;
     let at = Place::file(&file);
-    let Drawn { mechanism, without_tolerance } = drawing.mechanism.read(units, &at.key("mechanism"))?;
+    let Drawn { mut mechanism, without_tolerance } = drawing.mechanism.read(units, &at.key("mechanism"))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let context = Context { mechanism: &mechanism, units, folder, places };
+    let at_data = at.key("data");
+    let instrument = match &drawing.data {
+        Some(data) => data.instrument(units, &at_data)?,
+        None => Instrument::default(),
+    };
+    let context = Context { mechanism: &mechanism, units, instrument: &instrument, folder, places };
     let (data, holdout) = match &drawing.data {
-        Some(data) => data.read(&context, &at.key("data"))?,
+        Some(data) => data.read(&context, &at_data)?,
         None => Default::default(),
     };
     if let Some(benchmark) = &drawing.benchmark {
         benchmark.check(&at.key("benchmark"))?;
     }
+    for (limb, name) in data.sensed.iter().chain(&holdout.sensed) {
+        let limb = &mut mechanism.limbs[*limb];
+        let joint = limb.joints.iter_mut().find(|joint| *name == format!("{}.{}", limb.name, joint.name));
+        if let Some(joint) = joint {
+            joint.sensed = true;
+        }
+    }
+    let true_values = &drawing.truth_instrument;
+    let constants = true_constants(&instrument.constants, true_values, units, &at.key("truth_instrument"))?;
+    mechanism.instrument = instrument.constants;
     let at_truth = at.key("truth");
     let truth = drawing.truth.as_ref().map(|truth| truth.read(units, &at_truth)).transpose()?;
-    let truth = truth.map(|truth| truth.mechanism);
+    let truth = truth.map(|truth| Mechanism { instrument: constants, ..truth.mechanism });
     if let Some(truth) = &truth {
         let (found, wanted) = (truth.actuator_count(), mechanism.actuator_count());
         if found != wanted {
@@ -210,6 +230,16 @@ fn stem(path: &Path) -> String {
 }
 
 impl ProblemFile {
+    /// Whether all that is measured are poses of the tool, or positions of the tool point, by an instrument without
+    /// constants of its own.
+    pub fn measures_tool_alone(&self) -> bool {
+        let alone = |set: &DataSet| {
+            matches!(set.kind, Kind::Pose | Kind::Position)
+                && set.blanks.iter().all(|blank| blank.drawing.target.is_none())
+        };
+        self.mechanism.instrument.is_empty() && matches!(self.data.parts(), [set] if alone(set))
+    }
+
     /// Refuses a problem with links whose tolerance is not stated: without it nothing can be identified.
     pub fn require_tolerances(&self) -> Result<(), FileError> {
         match &self.without_tolerance {

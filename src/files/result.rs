@@ -3,8 +3,8 @@
 use super::drawing::MechanismDrawing;
 use super::noise::NoiseDrawing;
 use super::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, LinkResult, SetAsideEntry, TraceEntry, WeightEntry,
-    numbers,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, LinkResult, SetAsideEntry, TraceEntry,
+    WeightEntry, numbers,
 };
 use super::units::Units;
 use serde::{Deserialize, Serialize};
@@ -66,6 +66,9 @@ pub struct ResultFile {
     pub singular_values: Vec<f64>,
     /// The way there.
     pub trace: Vec<TraceEntry>,
+    /// Constants of the instrument.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub instrument: Vec<ConstantResult>,
     /// Deviations from nominal.
     pub links: Vec<LinkResult>,
     /// The calibrated machine, as a problem states one.

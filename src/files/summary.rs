@@ -60,6 +60,30 @@ pub struct PoseErrors {
     pub rotation_rms: Option<f64>,
     /// Largest, angle of the file.
     pub rotation_max: Option<f64>,
+    /// Of distances, root mean square, length of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_rms: Option<f64>,
+    /// Largest, length of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_max: Option<f64>,
+    /// Of heights above planes, root mean square, length of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane_rms: Option<f64>,
+    /// Largest, length of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane_max: Option<f64>,
+    /// Of passive joints' angles, root mean square, angle of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint_angle_rms: Option<f64>,
+    /// Largest of a sample, angle of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint_angle_max: Option<f64>,
+    /// Of passive joints' lengths, root mean square, length of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint_length_rms: Option<f64>,
+    /// Largest of a sample, length of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint_length_max: Option<f64>,
     /// Root mean square of the whitened residual: 1 where the model fits to the noise.
     pub weighted_rms: Option<f64>,
 }
@@ -72,6 +96,14 @@ impl PoseErrors {
             position_max: self.position_max.map(|v| units.from_metres(v)),
             rotation_rms: self.rotation_rms.map(|v| units.from_radians(v)),
             rotation_max: self.rotation_max.map(|v| units.from_radians(v)),
+            distance_rms: self.distance_rms.map(|v| units.from_metres(v)),
+            distance_max: self.distance_max.map(|v| units.from_metres(v)),
+            plane_rms: self.plane_rms.map(|v| units.from_metres(v)),
+            plane_max: self.plane_max.map(|v| units.from_metres(v)),
+            joint_angle_rms: self.joint_angle_rms.map(|v| units.from_radians(v)),
+            joint_angle_max: self.joint_angle_max.map(|v| units.from_radians(v)),
+            joint_length_rms: self.joint_length_rms.map(|v| units.from_metres(v)),
+            joint_length_max: self.joint_length_max.map(|v| units.from_metres(v)),
             weighted_rms: self.weighted_rms,
         }
     }
@@ -122,6 +154,21 @@ pub struct LinkResult {
     pub deviation: Deviation,
     /// Standard errors, `None` where they are not known.
     pub std: Option<Deviation>,
+}
+
+/// What was found of a constant of the instrument.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConstantResult {
+    /// Its name, such as `point bar1 x`.
+    pub name: String,
+    /// As the problem states it, in units of the file.
+    pub nominal: f64,
+    /// As identified, in units of the file.
+    #[serde(deserialize_with = "number")]
+    pub value: f64,
+    /// Standard error, `None` where it is not known.
+    pub std: Option<f64>,
 }
 
 /// A sample that took no part.

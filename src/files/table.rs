@@ -32,6 +32,23 @@ pub struct TableRequest<'a> {
     pub filter: Option<&'a BTreeMap<String, String>>,
     /// Of poses.
     pub poses: PoseColumns,
+    /// What further kinds of measurement read.
+    pub others: OtherColumns<'a>,
+}
+
+/// Columns that further kinds of measurement read.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct OtherColumns<'a> {
+    /// Actuators of a second posture.
+    pub second: bool,
+    /// A distance.
+    pub distance: bool,
+    /// A height, if there is one.
+    pub height: bool,
+    /// Sensed joints.
+    pub joints: &'a [String],
+    /// Names of target, point, plane and gauge, if there are any.
+    pub names: bool,
 }
 
 /// A row, in units of the file.
@@ -41,8 +58,18 @@ pub struct TableRow {
     pub line: u64,
     /// Readings in actuator order.
     pub readings: Vec<f64>,
-    /// What was measured.
+    /// What was measured of a pose.
     pub pose: PoseDrawing,
+    /// Readings of a second posture in actuator order.
+    pub second: Vec<f64>,
+    /// A distance.
+    pub distance: Option<f64>,
+    /// A height.
+    pub height: Option<f64>,
+    /// Sensed joints.
+    pub joints: Vec<Option<f64>>,
+    /// Names of target, point, plane and gauge.
+    pub names: [Option<String>; 4],
 }
 
 /// The bytes of a CSV file. What cannot be a table is refused before the rest is read.
@@ -68,7 +95,16 @@ pub fn parse(file: &str, bytes: &[u8], request: &TableRequest<'_>) -> Result<Vec
             return Err(row.at.error(Fault::CellCount { found: record.len(), wanted: header.len() }));
         }
         if layout.filter.iter().all(|(column, text)| record.get(*column) == Some(text.as_str())) {
-            rows.push(TableRow { line, readings: row.readings(&layout)?, pose: row.pose(&layout)? });
+            rows.push(TableRow {
+                line,
+                readings: row.readings(&layout.actuators)?,
+                pose: row.pose(&layout)?,
+                second: row.readings(&layout.second)?,
+                distance: row.optional(layout.distance)?,
+                height: row.optional(layout.height)?,
+                joints: layout.joints.iter().map(|column| row.number(*column)).collect::<Result<_, _>>()?,
+                names: layout.names.map(|column| row.text(column)),
+            });
         }
     }
     if rows.is_empty() {
@@ -149,9 +185,18 @@ impl Row<'_> {
         self.at.key(&name).error(fault)
     }
 
-    fn readings(&self, layout: &Layout) -> Result<Vec<f64>, FileError> {
-        let columns = layout.actuators.iter();
+    fn optional(&self, column: Option<usize>) -> Result<Option<f64>, FileError> {
+        column.map_or(Ok(None), |column| self.number(column))
+    }
+
+    /// The text in a column, `None` where the cell is empty.
+    fn text(&self, column: Option<usize>) -> Option<String> {
+        column.and_then(|column| self.record.get(column)).filter(|text| !text.is_empty()).map(str::to_owned)
+    }
+
+    fn readings(&self, columns: &[usize]) -> Result<Vec<f64>, FileError> {
         columns
+            .iter()
             .map(|&column| self.number(column)?.ok_or_else(|| self.error(column, Fault::NoReading)))
             .collect()
     }

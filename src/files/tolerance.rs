@@ -136,7 +136,7 @@ impl ToleranceDrawing {
     }
 }
 
-fn prior(
+pub(super) fn prior(
     spread: Spread,
     convert: impl Fn(f64, &Place<'_>) -> Result<f64, FileError>,
     at: &Place<'_>,
@@ -180,7 +180,7 @@ impl BoundsDrawing {
     }
 }
 
-fn limit(
+pub(super) fn limit(
     value: Option<f64>,
     convert: impl Fn(f64, &Place<'_>) -> Result<f64, FileError>,
     at: &Place<'_>,

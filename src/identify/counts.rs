@@ -1,9 +1,9 @@
 //! The three counts of what can be identified (docs/theory.md section 5), at one geometry.
 
-use crate::calibration::{Calibration, Sample};
+use crate::calibration::{Calibration, Postures, Sample};
 use crate::linalg;
 use crate::measure::Weights;
-use crate::model::{Mechanism, Posture};
+use crate::model::Mechanism;
 use crate::problem::{EvalError, Form, Problem};
 
 /// Relative size below which a singular value of the Jacobian in m and rad is zero (first-order rank).
@@ -12,7 +12,8 @@ const RANK: f64 = 1e-8;
 /// How many combinations of link deviations can be seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counts {
-    /// By structure: 4r + 2p + 6 where no link is held.
+    /// By structure: 4r + 2p + 6 where no link is held and no passive joint is sensed, and the unknown constants of the
+    /// instrument.
     pub structural: usize,
     /// By rank of the Jacobian at this geometry over these postures.
     pub first_order: usize,
@@ -36,12 +37,12 @@ pub struct Visibility {
 /// every instrument is taken to read what the geometry predicts. Samples that do not close are left out.
 pub fn visibility(mechanism: &Mechanism, samples: &[Sample], at: &[f64]) -> Result<Visibility, EvalError> {
     let geometry = mechanism.deviated(at);
-    let mut posture = Posture::new(mechanism);
+    let mut postures = Postures::new(mechanism);
     let mut expected = Vec::with_capacity(samples.len());
     for sample in samples {
-        if sample.close(mechanism, &geometry, &mut posture).is_ok() {
-            let tool = posture.tool();
-            expected.push(Sample { measurement: sample.measurement.expected(&tool), ..sample.clone() });
+        if sample.close_all(mechanism, &geometry, &mut postures).is_ok() {
+            let measurement = sample.measurement.expected(&postures.view(sample, &geometry));
+            expected.push(Sample { measurement, ..sample.clone() });
         }
     }
     let problem = Calibration::new(mechanism, &expected, Form::Minimal, at);

@@ -2,9 +2,11 @@
 
 pub mod counts;
 pub mod noise;
+mod references;
 pub mod registration;
 pub mod run;
 pub mod score;
+mod targets;
 
 pub use counts::{Counts, Visibility};
 pub use noise::{NoiseEstimate, identify_without_noise};

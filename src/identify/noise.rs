@@ -1,9 +1,9 @@
 //! Noise from the residual, where none is stated.
 
 use super::run::{Identification, IdentifyError, identify};
-use crate::calibration::Sample;
-use crate::measure::{Row, Weights};
-use crate::model::{Mechanism, Posture};
+use crate::calibration::{Postures, Sample};
+use crate::measure::{Evaluation, Weights};
+use crate::model::Mechanism;
 use crate::solve::{Identifier, Stop};
 
 /// Most rounds of identification and estimate.
@@ -63,17 +63,18 @@ pub fn identify_without_noise(
 
 /// Root mean square residual of rotations and of lengths, corrected for the parameters fitted.
 fn estimate(found: &Identification, samples: &[Sample]) -> Option<NoiseEstimate> {
-    let mut posture = Posture::new(&found.start);
+    let mut postures = Postures::new(&found.start);
+    let mut evaluation = Evaluation::default();
     let (mut angles, mut lengths) = ((0.0, 0.0), (0.0, 0.0));
     for sample in samples {
-        if sample.close(&found.start, &found.geometry, &mut posture).is_err() {
+        if sample.close_all(&found.start, &found.geometry, &mut postures).is_err() {
             continue;
         }
         let unit = sample.measurement.reweighted(Weights::Unit);
-        let mut rows = vec![Row::default(); unit.rows()];
-        unit.evaluate(&posture.tool(), &mut rows);
-        for row in rows {
-            let sum = if row.by_tool[..3].iter().any(|v| *v != 0.0) { &mut angles } else { &mut lengths };
+        evaluation.clear();
+        unit.evaluate(&postures.view(sample, &found.geometry), &mut evaluation);
+        for (k, row) in evaluation.rows.iter().enumerate() {
+            let sum = if unit.is_angle(k) { &mut angles } else { &mut lengths };
             *sum = (sum.0 + row.r * row.r, sum.1 + 1.0);
         }
     }

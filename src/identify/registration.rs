@@ -1,11 +1,14 @@
-//! Closed-form start for base and tool frames that are known to nobody.
+//! Start for base and tool frames, and for constants of the instrument, that are known to nobody.
 //!
 //! `measured_k = X g_k Y` over predicted poses `g_k`. Rotation of X from relative rotations (Park & Martin, IEEE
 //! Trans. Robotics and Automation 10(5), 1994), then Y's rotation, then both translations by linear least
-//! squares; with positions only, X from the points (Umeyama, IEEE Trans. PAMI 13(4), 1991, without scale).
+//! squares. With positions only see [`super::targets`]; fixed points and planes are placed by [`super::references`].
 
-use crate::calibration::Sample;
+use super::references::place_references;
+use super::targets::place_targets;
+use crate::calibration::{Sample, close_at};
 use crate::lie::{Se3, so3};
+use crate::measure::Clue;
 use crate::model::{Mechanism, Posture, Prior};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -31,38 +34,63 @@ impl FreeEnds {
     }
 }
 
-/// The machine with its free ends moved to where the measurements say that they are; `None` where these do not
-/// determine them.
+/// A predicted tool pose and what was read there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sighting {
+    /// Predicted by the machine as drawn.
+    pub tool: Se3,
+    /// What the reading says.
+    pub clue: Clue,
+}
+
+/// The machine with its free ends, and the instrument's free constants, moved to where the measurements say that they
+/// are; `None` where base or tool are free and the samples do not determine them.
+///
+/// Distances, touches and passive joints alone say nothing of base and tool: these then stay as drawn.
 pub fn registered(mechanism: &Mechanism, samples: &[Sample], free: FreeEnds) -> Option<Mechanism> {
     let geometry = mechanism.nominal();
     let mut posture = Posture::new(mechanism);
-    let (mut predicted, mut poses, mut points) = (Vec::new(), Vec::new(), Vec::new());
+    let mut sightings = Vec::with_capacity(samples.len());
     for sample in samples {
         // The measured pose lies elsewhere: the posture is sought from home.
-        let closed = Sample { measurement: unmeasured(sample), ..sample.clone() };
-        if closed.close(mechanism, &geometry, &mut posture).is_err() {
-            continue;
-        }
-        if let Some(pose) = sample.measurement.pose() {
-            predicted.push(posture.tool());
-            poses.push(*pose);
-        } else if let Some(point) = sample.measurement.position() {
-            points.push((posture.tool().p, point));
+        if close_at(mechanism, &geometry, &sample.actuators, None, &mut posture).is_ok() {
+            sightings.push(Sighting { tool: posture.tool(), clue: sample.measurement.clue() });
         }
     }
-    let (base, tool) = if poses.len() >= 3 {
-        from_poses(&predicted, &poses, free)?
-    } else if free.base && points.len() >= 3 {
-        (from_points(&points)?, Se3::identity())
-    } else {
+    let (mut predicted, mut poses, mut points) = (Vec::new(), Vec::new(), false);
+    for sighting in &sightings {
+        match sighting.clue {
+            Clue::Pose(pose) => {
+                predicted.push(sighting.tool);
+                poses.push(pose);
+            }
+            Clue::Position { .. } => points = true,
+            Clue::Range { .. } | Clue::Touch { .. } | Clue::Internal | Clue::None => {}
+        }
+    }
+    let ends = free.base || free.tool;
+    let mut moved = mechanism.clone();
+    if ends && poses.len() >= 3 {
+        let (base, tool) = from_poses(&predicted, &poses, free)?;
+        moved = relocated(mechanism, &mut sightings, &base, &tool)?;
+        place_targets(&mut moved, &sightings, FreeEnds { base: false, tool: false });
+    } else if points {
+        let placed = place_targets(&mut moved, &sightings, free);
+        let (base, tool) = placed.or_else(|| (!ends).then(|| (Se3::identity(), Se3::identity())))?;
+        moved = relocated(&moved, &mut sightings, &base, &tool)?;
+    } else if ends && samples.iter().all(|s| matches!(s.measurement.clue(), Clue::Pose(_) | Clue::None)) {
         return None;
-    };
-    (base.is_finite() && tool.is_finite()).then(|| mechanism.relocated(&base, &tool))
+    }
+    place_references(&mut moved, &sightings);
+    Some(moved)
 }
 
-/// A stand-in that states no pose, so that closure starts from home.
-fn unmeasured(sample: &Sample) -> std::sync::Arc<dyn crate::measure::Measurement> {
-    sample.measurement.without_pose()
+/// The machine between base and tool as found, and its predictions there.
+fn relocated(mechanism: &Mechanism, sightings: &mut [Sighting], base: &Se3, tool: &Se3) -> Option<Mechanism> {
+    for sighting in sightings {
+        sighting.tool = *base * sighting.tool * *tool;
+    }
+    (base.is_finite() && tool.is_finite()).then(|| mechanism.relocated(base, tool))
 }
 
 fn from_poses(predicted: &[Se3], measured: &[Se3], free: FreeEnds) -> Option<(Se3, Se3)> {
@@ -116,15 +144,6 @@ fn from_poses(predicted: &[Se3], measured: &[Se3], free: FreeEnds) -> Option<(Se
     let base = Se3 { r: rotation_base, p: if free.base { part(0) } else { Vector3::zeros() } };
     let tool = Se3 { r: rotation_tool, p: if free.tool { part(columns - 3) } else { Vector3::zeros() } };
     Some((base, tool))
-}
-
-fn from_points(points: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Se3> {
-    let count = points.len() as f64;
-    let from = points.iter().map(|(g, _)| g).sum::<Vector3<f64>>() / count;
-    let to = points.iter().map(|(_, m)| m).sum::<Vector3<f64>>() / count;
-    let sum: Matrix3<f64> = points.iter().map(|(g, m)| (m - to) * (g - from).transpose()).sum();
-    let r = nearest_rotation(&sum)?;
-    Some(Se3 { r, p: to - r * from })
 }
 
 /// The rotation `R` that maximises `tr(R' sum)`; `None` where two singular values vanish and it is not unique.

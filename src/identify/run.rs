@@ -7,7 +7,7 @@ use crate::calibration::{Calibration, Sample, SetAside};
 use crate::lie::Se3;
 use crate::lie::se3::{self, Twist};
 use crate::measure::Weights;
-use crate::model::{Geometry, Mechanism, Posture};
+use crate::model::{Geometry, Mechanism, Posture, Prior};
 use crate::problem::{Form, Problem};
 use crate::solve::split::prior_weight;
 use crate::solve::{Estimate, Identifier, Iterate, Report, Stop};
@@ -55,7 +55,7 @@ pub struct Identification {
     pub start: Mechanism,
     /// Links as identified.
     pub geometry: Geometry,
-    /// Deviation of every link from the drawing, six per link, rad and m.
+    /// Deviation of every link from the drawing, six per link, rad and m; then of the instrument's constants.
     pub deviations: Vec<f64>,
     /// Standard error of each, `None` where linear theory does not apply.
     pub std: Option<Vec<f64>>,
@@ -104,11 +104,7 @@ pub fn identify_from(
     if samples.is_empty() {
         return Err(IdentifyError::NoSamples);
     }
-    let free = FreeEnds::of(drawn);
-    let start = match free {
-        FreeEnds { base: false, tool: false } => drawn.clone(),
-        _ => registered(drawn, samples, free).ok_or(IdentifyError::Unregistered)?,
-    };
+    let start = placed(drawn, samples).ok_or(IdentifyError::Unregistered)?;
     let weighted: Vec<Sample>;
     let samples_in_form = match identifier.form() {
         Form::Plain => {
@@ -182,6 +178,17 @@ pub fn identify_from(
     })
 }
 
+/// The drawing with its free ends, and what is unknown of the instrument, placed by the samples; `None` where these do
+/// not place them.
+pub fn placed(drawn: &Mechanism, samples: &[Sample]) -> Option<Mechanism> {
+    let free = FreeEnds::of(drawn);
+    let unknown = drawn.instrument.iter().any(|constant| constant.prior == Prior::Free);
+    match free {
+        FreeEnds { base: false, tool: false } if !unknown => Some(drawn.clone()),
+        _ => registered(drawn, samples, free),
+    }
+}
+
 /// Postures whose wrench matrix is close to losing rank, and those with another sign of its determinant than home.
 fn singularities(
     mechanism: &Mechanism,
@@ -248,7 +255,11 @@ fn standard_errors(
         let scale = 1.0 / (s * s + weight(estimate, *s)?).sqrt();
         let column: Vec<f64> = seen.directions.col(k).iter().map(|v| v * scale).collect();
         let column = coordinates.deviations(&column);
-        for ((sum, d), chart) in variance.chunks_exact_mut(6).zip(column.chunks_exact(6)).zip(&charts) {
+        let links = start.link_component_count();
+        variance.iter_mut().zip(&column).skip(links).for_each(|(sum, v)| *sum += v * v);
+        for ((sum, d), chart) in
+            variance[..links].chunks_exact_mut(6).zip(column.chunks_exact(6)).zip(&charts)
+        {
             let d = Twist::from_column_slice(d);
             let shown = chart.map_or(d, |chart| chart * d);
             sum.iter_mut().zip(shown.iter()).for_each(|(sum, v)| *sum += v * v);

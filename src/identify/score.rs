@@ -1,8 +1,8 @@
 //! How well a geometry predicts measured postures.
 
-use crate::calibration::Sample;
-use crate::measure::Row;
-use crate::model::{Geometry, Mechanism, Posture};
+use crate::calibration::{Postures, Sample};
+use crate::measure::{Errors, Evaluation};
+use crate::model::{Geometry, Mechanism};
 use rayon::prelude::*;
 
 /// Whitened residual, in units of noise and of the median posture's, above which a posture stands out.
@@ -19,7 +19,7 @@ pub struct Spread {
 
 impl Spread {
     /// Of the values, if there are any.
-    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+    pub fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (mut count, mut square, mut max) = (0.0, 0.0, 0.0_f64);
         for value in values {
             count += 1.0;
@@ -33,10 +33,18 @@ impl Spread {
 /// Prediction errors over the samples whose loops close.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
-    /// Displacements of the tool point, m; `None` where no position was measured.
+    /// Displacements of the tool point or targets, m; `None` where no position was measured.
     pub position: Option<Spread>,
     /// Rotation angles, rad; `None` where no rotation was measured.
     pub rotation: Option<Spread>,
+    /// Of distances, m; `None` where none was measured.
+    pub distance: Option<Spread>,
+    /// Of heights above planes, m; `None` where none was measured.
+    pub plane: Option<Spread>,
+    /// Of passive joints' angles, rad; `None` where none was measured.
+    pub joint_angle: Option<Spread>,
+    /// Of passive joints' lengths, m; `None` where none was measured.
+    pub joint_length: Option<Spread>,
     /// Root mean square of the whitened residuals: 1 where errors are as large as the stated noise.
     pub weighted_rms: f64,
     /// Samples that took part.
@@ -69,17 +77,18 @@ pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) 
 
 /// Scores the geometry; `None` where no sample closes.
 pub fn score(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Option<Fit> {
-    let scored: Vec<Option<(crate::measure::PoseError, f64, usize)>> = samples
+    let scored: Vec<Option<(Errors, f64, usize)>> = samples
         .par_iter()
         .map_init(
-            || Posture::new(mechanism),
-            |posture, sample| {
-                sample.close(mechanism, geometry, posture).ok()?;
-                let tool = posture.tool();
-                let mut rows = vec![Row::default(); sample.measurement.rows()];
-                sample.measurement.evaluate(&tool, &mut rows);
-                let square: f64 = rows.iter().map(|row| row.r * row.r).sum();
-                square.is_finite().then(|| (sample.measurement.error(&tool), square, rows.len()))
+            || (Postures::new(mechanism), Evaluation::default()),
+            |(postures, evaluation), sample| {
+                sample.close_all(mechanism, geometry, postures).ok()?;
+                let view = postures.view(sample, geometry);
+                evaluation.clear();
+                sample.measurement.evaluate(&view, evaluation);
+                let square = evaluation.square();
+                let rows = evaluation.rows.len();
+                square.is_finite().then(|| (sample.measurement.error(&view), square, rows))
             },
         )
         .collect();
@@ -89,9 +98,14 @@ pub fn score(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> 
     }
     let square: f64 = scored.iter().map(|(_, square, _)| square).sum();
     let rows: usize = scored.iter().map(|(_, _, rows)| rows).sum();
+    let spread = |of: fn(&Errors) -> Option<f64>| Spread::of(scored.iter().filter_map(|(e, _, _)| of(e)));
     Some(Fit {
-        position: Spread::of(scored.iter().filter_map(|(e, _, _)| e.position)),
-        rotation: Spread::of(scored.iter().filter_map(|(e, _, _)| e.rotation)),
+        position: spread(|e| e.position),
+        rotation: spread(|e| e.rotation),
+        distance: spread(|e| e.distance),
+        plane: spread(|e| e.plane),
+        joint_angle: spread(|e| e.joint_angle),
+        joint_length: spread(|e| e.joint_length),
         weighted_rms: (square / rows.max(1) as f64).sqrt(),
         samples: scored.len(),
     })

@@ -1,7 +1,21 @@
-//! What instruments report of a posture.
+//! What instruments report of a posture, or of two.
 
+pub mod distance;
 pub mod measurement;
+pub mod passive_joint;
+pub mod plane;
+pub mod point;
 pub mod pose;
+pub mod position;
+pub mod separation;
 
-pub use measurement::{Measurement, PoseError, Row, Weights};
+pub use distance::Distance;
+pub use measurement::{
+    Clue, ConstantDerivative, Errors, Evaluation, LimbDerivative, Measurement, Row, View, Weights,
+};
+pub use passive_joint::{PassiveJoints, SensedJoint};
+pub use plane::Touch;
+pub use point::{Gauge, Plane, Point};
 pub use pose::{Pose, Weighting};
+pub use position::Position;
+pub use separation::Separation;

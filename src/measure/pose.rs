@@ -1,9 +1,10 @@
 //! A measured pose, or some of its components.
 
-use super::measurement::{Measurement, PoseError, Row, Weights};
+use super::measurement::{Clue, Errors, Evaluation, Measurement, Row, View, Weights};
+use super::point::Point;
 use crate::lie::{Se3, so3};
 use crate::model::mechanism::pose_difference;
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
 use std::sync::Arc;
 
 /// Noise that cannot be whitened.
@@ -41,11 +42,34 @@ impl Weighting {
     }
 
     /// Independent noise of standard deviations `angle` (rad) and `length` (m).
-    fn isotropic(seen: [bool; 6], angle: f64, length: f64) -> Self {
+    pub(super) fn isotropic(seen: [bool; 6], angle: f64, length: f64) -> Self {
         let row = |i: usize| {
             std::array::from_fn(|j| if i != j { 0.0 } else { 1.0 / if i < 3 { angle } else { length } })
         };
         Self((0..6).filter(|&i| seen[i]).map(row).collect())
+    }
+
+    /// For noise of so many times the size.
+    pub(super) fn scaled(&self, factor: f64) -> Self {
+        Self(self.0.iter().map(|row| row.map(|v| v / factor)).collect())
+    }
+
+    /// The rows.
+    pub(super) fn rows(&self) -> &[[f64; 6]] {
+        &self.0
+    }
+
+    /// A draw of the noise that these rows whiten, zero in components that have no row.
+    pub(super) fn draw(&self, normal: &mut dyn FnMut() -> f64) -> [f64; 6] {
+        let k = self.0.len();
+        let seen: Vec<usize> = (0..6).filter(|&i| self.0.iter().any(|row| row[i] != 0.0)).collect();
+        let whitening = DMatrix::from_fn(k, seen.len(), |i, j| self.0[i][seen[j]]);
+        let white = DVector::from_fn(k, |_, _| normal());
+        let mut error = [0.0; 6];
+        if let Some(found) = whitening.lu().solve(&white) {
+            seen.iter().zip(found.iter()).for_each(|(&i, v)| error[i] = *v);
+        }
+        error
     }
 
     /// The unweighted spatial twist of (30): `v = dp + p x w` at the measured position.
@@ -81,41 +105,59 @@ impl Measurement for Pose {
         self.weighting.0.len()
     }
 
-    fn evaluate(&self, tool: &Se3, rows: &mut [Row]) {
-        let (w, dp) = pose_difference(tool, &self.measured);
+    /// (8.1), (8.2)
+    fn evaluate(&self, view: &View<'_>, out: &mut Evaluation) {
+        let (w, dp) = pose_difference(&view.tool, &self.measured);
         let error = [w.x, w.y, w.z, dp.x, dp.y, dp.z];
         // The rotation vector of R R_m' changes by the inverse left Jacobian, which is 1 at no error.
         let turn = so3::left_jacobian_inverse(&w);
-        for (row, k) in rows.iter_mut().zip(&self.weighting.0) {
-            row.r = k.iter().zip(&error).map(|(k, e)| k * e).sum();
+        out.rows.extend(self.weighting.0.iter().map(|k| {
             let by_rotation = |j: usize| k[0] * turn[(0, j)] + k[1] * turn[(1, j)] + k[2] * turn[(2, j)];
-            row.by_tool = [by_rotation(0), by_rotation(1), by_rotation(2), k[3], k[4], k[5]];
-        }
+            Row {
+                r: k.iter().zip(&error).map(|(k, e)| k * e).sum(),
+                by_tool: [by_rotation(0), by_rotation(1), by_rotation(2), k[3], k[4], k[5]],
+            }
+        }));
+    }
+
+    fn is_angle(&self, row: usize) -> bool {
+        self.weighting.0.get(row).is_some_and(|k| k[..3].iter().any(|v| *v != 0.0))
     }
 
     fn pose(&self) -> Option<&Se3> {
         (self.seen == [true; 6]).then_some(&self.measured)
     }
 
-    fn without_pose(&self) -> Arc<dyn Measurement> {
-        Arc::new(Self { seen: [false; 6], weighting: Weighting(Vec::new()), ..self.clone() })
+    fn clue(&self) -> Clue {
+        match self.seen {
+            [true, true, true, true, true, true] => Clue::Pose(self.measured),
+            [_, _, _, true, true, true] => Clue::Position { target: Point::default(), at: self.measured.p },
+            _ => Clue::None,
+        }
     }
 
-    fn position(&self) -> Option<Vector3<f64>> {
-        self.seen[3..].iter().all(|seen| *seen).then_some(self.measured.p)
+    fn readings(&self) -> Vec<f64> {
+        so3::log(&self.measured.r).iter().chain(&self.measured.p).copied().collect()
     }
 
-    fn error(&self, tool: &Se3) -> PoseError {
-        let (w, dp) = pose_difference(tool, &self.measured);
+    fn error(&self, view: &View<'_>) -> Errors {
+        let (w, dp) = pose_difference(&view.tool, &self.measured);
         let norm = |v: Vector3<f64>, seen: &[bool]| {
             let square: f64 = v.iter().zip(seen).filter(|(_, seen)| **seen).map(|(v, _)| v * v).sum();
             seen.contains(&true).then_some(square.sqrt())
         };
-        PoseError { rotation: norm(w, &self.seen[..3]), position: norm(dp, &self.seen[3..]) }
+        let (rotation, position) = (norm(w, &self.seen[..3]), norm(dp, &self.seen[3..]));
+        Errors { rotation, position, ..Errors::default() }
     }
 
-    fn expected(&self, tool: &Se3) -> Arc<dyn Measurement> {
-        Arc::new(Self { measured: *tool, ..self.clone() })
+    fn expected(&self, view: &View<'_>) -> Arc<dyn Measurement> {
+        Arc::new(Self { measured: view.tool, ..self.clone() })
+    }
+
+    fn perturbed(&self, normal: &mut dyn FnMut() -> f64) -> Arc<dyn Measurement> {
+        let [a, b, c, x, y, z] = self.weighting.draw(normal);
+        let r = so3::exp(&Vector3::new(a, b, c)) * self.measured.r;
+        Arc::new(Self { measured: Se3 { r, p: self.measured.p + Vector3::new(x, y, z) }, ..self.clone() })
     }
 
     fn reweighted(&self, weights: Weights) -> Arc<dyn Measurement> {
@@ -123,6 +165,7 @@ impl Measurement for Pose {
             Weights::Unit => Weighting::isotropic(self.seen, 1.0, 1.0),
             Weights::Isotropic { angle, length } => Weighting::isotropic(self.seen, angle, length),
             Weights::SpatialTwist => Weighting::spatial_twist(&self.measured, self.seen),
+            Weights::Scaled(factor) => self.weighting.scaled(factor),
         };
         Arc::new(Self { weighting, ..self.clone() })
     }

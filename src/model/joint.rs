@@ -60,6 +60,8 @@ pub struct Joint {
     pub frame: Se3,
     /// Commanded or sensed.
     pub actuated: bool,
+    /// Not actuated, but read by a sensor of its own: its zero is then no matter of choice.
+    pub sensed: bool,
     /// Actuator reading at home, rad or m; the joint variable is reading - home.
     pub home: f64,
     /// Readings between which the joint is used, rad or m, where the drawing states them.

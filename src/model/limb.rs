@@ -59,7 +59,7 @@ impl Limb {
     /// Each column stacks, over the f + 1 links, the body twist (in the frame behind the link) of a change
     /// that no pose shows. Per revolute or helical joint two columns, per prismatic joint four: the twists
     /// that commute with the joint's own, taken from the link before it and given to the link behind it; per
-    /// passive joint its zero offset.
+    /// passive joint that no sensor reads its zero offset.
     pub fn null_basis(&self, links: &[Se3]) -> Vec<Vec<f64>> {
         let mut columns = Vec::new();
         for (j, joint) in self.joints.iter().enumerate() {
@@ -94,7 +94,7 @@ impl Limb {
                 }
                 columns.push(column);
             }
-            if !joint.actuated {
+            if !joint.actuated && !joint.sensed {
                 let mut column = vec![0.0; size];
                 column[6 * j..6 * j + 6].copy_from_slice(own.as_slice());
                 columns.push(column);

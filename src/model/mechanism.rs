@@ -1,5 +1,6 @@
 //! A mechanism: limbs that join base and platform, with the same code for one limb and many.
 
+use super::instrument::Constant;
 use super::limb::Limb;
 use crate::lie::se3::{self, Twist};
 use crate::lie::{Se3, so3};
@@ -10,6 +11,8 @@ use nalgebra::Vector3;
 pub struct Mechanism {
     /// The limbs.
     pub limbs: Vec<Limb>,
+    /// Unknown constants of the set-up that measures it.
+    pub instrument: Vec<Constant>,
 }
 
 /// The links of a machine as they are believed to be: per limb `g_0..g_f`.
@@ -17,16 +20,19 @@ pub struct Mechanism {
 pub struct Geometry {
     /// Links of each limb.
     pub limbs: Vec<Vec<Se3>>,
+    /// Values of the instrument's constants, rad, m or 1.
+    pub instrument: Vec<f64>,
 }
 
 impl Mechanism {
     /// The machine as drawn.
     pub fn nominal(&self) -> Geometry {
         let limbs = self.limbs.iter().map(|limb| limb.links.iter().map(|l| l.nominal).collect());
-        Geometry { limbs: limbs.collect() }
+        Geometry { limbs: limbs.collect(), instrument: self.instrument.iter().map(|c| c.nominal).collect() }
     }
 
-    /// The machine with link deviations `d` (rad, m), six per link, limb by limb: `g_j = nominal exp(d_j)`.
+    /// The machine with deviations `d` (rad, m): six per link, limb by limb, `g_j = nominal exp(d_j)`, then one per
+    /// constant of the instrument.
     pub fn deviated(&self, deviations: &[f64]) -> Geometry {
         let mut at = deviations.chunks_exact(6).map(Twist::from_column_slice);
         let limbs = self.limbs.iter().map(|limb| {
@@ -36,11 +42,20 @@ impl Mechanism {
             });
             links.collect()
         });
-        Geometry { limbs: limbs.collect() }
+        let limbs = limbs.collect();
+        let rest = deviations.get(self.link_component_count()..).unwrap_or_default();
+        let by = |k: usize| rest.get(k).copied().unwrap_or(0.0);
+        let instrument = self.instrument.iter().enumerate().map(|(k, c)| c.nominal + by(k)).collect();
+        Geometry { limbs, instrument }
     }
 
-    /// Number of deviation components, six per link.
+    /// Number of deviation components: six per link, one per constant of the instrument.
     pub fn component_count(&self) -> usize {
+        self.link_component_count() + self.instrument.len()
+    }
+
+    /// Number of deviation components of links, six each.
+    pub fn link_component_count(&self) -> usize {
         self.limbs.iter().map(|limb| 6 * limb.links.len()).sum()
     }
 
@@ -117,7 +132,7 @@ impl Geometry {
             .collect()
     }
 
-    /// Deviation `d` with `self = nominal exp(d)`, six per link.
+    /// Deviation `d` with `self = nominal exp(d)`, six per link, then `d = self - nominal` of the instrument.
     pub fn deviations_from(&self, nominal: &Geometry) -> Vec<f64> {
         let mut out = Vec::new();
         for (links, drawn) in self.limbs.iter().zip(&nominal.limbs) {
@@ -125,6 +140,7 @@ impl Geometry {
                 out.extend_from_slice(se3::log(&(nominal.inverse() * *link)).as_slice());
             }
         }
+        out.extend(self.instrument.iter().zip(&nominal.instrument).map(|(value, nominal)| value - nominal));
         out
     }
 }

@@ -1,5 +1,7 @@
 //! Mechanisms: limbs of joints between base and platform, and the postures in which their loops close.
 
+pub mod command;
+pub mod instrument;
 pub mod inverse;
 pub mod joint;
 pub mod limb;
@@ -8,6 +10,7 @@ pub mod mobility;
 pub mod passive;
 pub mod posture;
 
+pub use instrument::{Constant, Quantity};
 pub use joint::{Joint, Motion};
 pub use limb::{Limb, Link, Prior, Tolerance};
 pub use mechanism::{Geometry, Mechanism};

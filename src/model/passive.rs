@@ -85,6 +85,21 @@ impl PassiveSplit {
         out
     }
 
+    /// The covector that gives passive motion `k` of a twist, `e_k' R^-1 Q1'` (3.2); zero where the passive twists depend
+    /// on each other.
+    pub fn motion_covector(&self, k: usize) -> [f64; 6] {
+        let mut out = [0.0; 6];
+        for i in 0..self.m {
+            let above: f64 = (0..i).map(|l| self.r[i][l] * out[l]).sum();
+            let pivot = self.r[i][i];
+            out[i] = if pivot == 0.0 { 0.0 } else { (f64::from(u8::from(i == k)) - above) / pivot };
+        }
+        for i in (0..self.m).rev() {
+            reflect(&self.v[i], self.inverse_scale[i], &mut out);
+        }
+        out
+    }
+
     /// Smallest pivot, which is zero where the passive twists depend on each other; 1 without passive joints.
     pub fn smallest_pivot(&self) -> f64 {
         (0..self.m).map(|k| self.r[k][k].abs()).fold(1.0, f64::min)

@@ -1,8 +1,12 @@
 //! Seeded synthetic measurements of a machine whose truth is known.
 
+pub mod readings;
+
+pub use readings::{SimulatedSet, read, simulate_sets, simulate_sets_truth};
+
 use crate::lie::{Se3, so3};
 use crate::model::inverse::close_from_home;
-use crate::model::{Geometry, Mechanism, NotClosed, Posture, Prior};
+use crate::model::{Geometry, Joint, Mechanism, NotClosed, Posture, Prior};
 use nalgebra::{Matrix6, Vector6};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -32,6 +36,17 @@ pub enum SimulateError {
         wanted: usize,
         /// Why the last one failed.
         last: NotClosed,
+    },
+    /// Too few postures touch.
+    #[error(
+        "only {found} of {wanted} postures touch within the actuators' ranges; move the plane, or state wider \"range\" \
+         on the actuated joints"
+    )]
+    Contact {
+        /// Postures found.
+        found: usize,
+        /// Postures wanted.
+        wanted: usize,
     },
     /// The covariance has no square root.
     #[error("the noise covariance is not positive definite")]
@@ -70,7 +85,7 @@ fn stream(seed: u64, number: u64) -> ChaCha8Rng {
     rng
 }
 
-/// Link deviations (rad, m) drawn from `distance` times the tolerances; free and held links stay as drawn.
+/// Deviations of links (rad, m) and of the instrument's constants drawn from `distance` times the tolerances; free and held links stay as drawn.
 pub fn draw_deviations(mechanism: &Mechanism, seed: u64, distance: f64) -> Vec<f64> {
     let mut rng = stream(seed, 0);
     let mut deviations = Vec::with_capacity(mechanism.component_count());
@@ -85,7 +100,26 @@ pub fn draw_deviations(mechanism: &Mechanism, seed: u64, distance: f64) -> Vec<f
             }
         }
     }
+    for constant in &mechanism.instrument {
+        let normal: f64 = StandardNormal.sample(&mut rng);
+        deviations.push(match constant.prior {
+            Prior::Sigma(sigma) => normal * sigma * distance,
+            Prior::Held | Prior::Free => 0.0,
+        });
+    }
     deviations
+}
+
+/// Least and greatest variable (reading - home, rad or m) of each actuator: its range as drawn; where none is drawn, half
+/// a radian or a tenth of the machine's size to either side of home.
+pub fn actuator_ranges(mechanism: &Mechanism) -> Vec<(f64, f64)> {
+    let length = mechanism.characteristic_length();
+    let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
+    let range = |joint: &Joint| {
+        let half = if joint.motion.is_angular() { ANGULAR_RANGE } else { LINEAR_RANGE * length };
+        joint.range.map_or((-half, half), |(low, high)| (low - joint.home, high - joint.home))
+    };
+    joints.map(range).collect()
 }
 
 /// Random postures inside the actuators' ranges that close, on home's branch, with every one of `geometries`.
@@ -96,22 +130,15 @@ pub fn draw_postures(
     seed: u64,
 ) -> Result<Vec<Vec<f64>>, SimulateError> {
     let mut rng = stream(seed, 1);
-    let length = mechanism.characteristic_length();
+    let ranges = actuator_ranges(mechanism);
     let mut postures = Vec::with_capacity(count);
     let mut last = NotClosed::NotFinite;
     for _ in 0..TRIES * count {
         if postures.len() == count {
             break;
         }
-        let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
-        let actuators: Vec<f64> = joints
-            .map(|joint| {
-                let half = if joint.motion.is_angular() { ANGULAR_RANGE } else { LINEAR_RANGE * length };
-                let (low, high) =
-                    joint.range.map_or((-half, half), |(l, h)| (l - joint.home, h - joint.home));
-                low + rng.random::<f64>() * (high - low)
-            })
-            .collect();
+        let actuators: Vec<f64> =
+            ranges.iter().map(|(low, high)| low + rng.random::<f64>() * (high - low)).collect();
         let closes = geometries.iter().try_for_each(|geometry| {
             let posture = close(mechanism, geometry, &actuators)?;
             let s = posture.wrench_singular_values();

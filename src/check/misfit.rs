@@ -1,0 +1,134 @@
+//! How far the drawing is from a measured posture, for data that may be wrong by orders of magnitude.
+//!
+//! Loops that do not close have no predicted pose. So every limb is brought to the measured pose by itself: its
+//! passive joints move until its tool is as near as the actuators' readings let it come, and what is left counts.
+
+use crate::lie::{Se3, so3};
+use crate::measure::Pose;
+use crate::model::inverse::passive_at_pose;
+use crate::model::mechanism::pose_difference;
+use crate::model::{Mechanism, Posture};
+use crate::simulate::{close, draw_deviations, draw_postures};
+use nalgebra::{Matrix3, Matrix6, Vector3};
+
+/// Machines drawn from the tolerances.
+const MACHINES: u64 = 12;
+/// Postures of each.
+const POSTURES: usize = 3;
+
+/// A measured posture in plain numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// Of the sample.
+    pub name: String,
+    /// Readings (not reading - home) in actuator order, rad or m.
+    pub actuators: Vec<f64>,
+    /// Position of the tool point, m.
+    pub position: Vector3<f64>,
+    /// Rotation, where it was measured.
+    pub rotation: Option<Matrix3<f64>>,
+    /// The rotation vector as it is written, in rad: beyond half a turn the matrix does not tell it.
+    pub vector: Option<Vector3<f64>>,
+    /// Whether the rotation is written as a quaternion.
+    pub quaternion: bool,
+}
+
+impl Reading {
+    /// The whole pose, where it was measured.
+    pub fn pose(&self) -> Option<Se3> {
+        self.rotation.map(|r| Se3 { r, p: self.position })
+    }
+
+    /// Joint variables, reading - home.
+    pub fn variables(&self, mechanism: &Mechanism) -> Vec<f64> {
+        let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
+        self.actuators.iter().zip(joints).map(|(reading, joint)| reading - joint.home).collect()
+    }
+}
+
+/// Distance between the drawing and each measured posture, m; rotations count with the size of the machine.
+/// Infinite where a position alone is measured and the posture does not close.
+pub fn misfits(mechanism: &Mechanism, data: &[Reading]) -> Vec<f64> {
+    let geometry = mechanism.nominal();
+    let mut posture = Posture::new(mechanism);
+    let passive: usize = mechanism.limbs.iter().map(|limb| limb.passive_count()).sum();
+    let home = vec![0.0; passive];
+    data.iter()
+        .map(|reading| {
+            let variables = reading.variables(mechanism);
+            let Some(pose) = reading.pose() else {
+                return close(mechanism, &geometry, &variables)
+                    .map_or(f64::INFINITY, |posture| (posture.tool().p - reading.position).norm());
+            };
+            let solved = passive_at_pose(mechanism, &geometry, &variables, &home, &pose);
+            posture.set_joints(mechanism, &variables, &solved);
+            posture.open(mechanism, &geometry);
+            let mut last = 0;
+            let mut square = 0.0;
+            for limb in &mechanism.limbs {
+                last += limb.links.len();
+                let (w, v) = pose_difference(&posture.frames[last - 1], &pose);
+                square += v.norm_squared() + (w * posture.length()).norm_squared();
+            }
+            let size = (square / mechanism.limbs.len() as f64).sqrt();
+            if size.is_finite() { size } else { f64::INFINITY }
+        })
+        .collect()
+}
+
+/// The middle one of the values; infinite where there are none.
+pub fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+/// The largest misfit that machines within the tolerances show, with measurements of this noise (rotation first, rad
+/// and m), m.
+///
+/// By simulation at random postures in the actuators' ranges, at home where too few of them close.
+pub fn expected(mechanism: &Mechanism, noise: Option<&Matrix6<f64>>, position_only: bool) -> f64 {
+    let nominal = mechanism.nominal();
+    let mut largest = 0.0_f64;
+    for seed in 0..MACHINES {
+        let truth = mechanism.deviated(&draw_deviations(mechanism, seed, 1.0));
+        let home = vec![vec![0.0; mechanism.actuator_count()]];
+        let postures = draw_postures(mechanism, &[&nominal, &truth], POSTURES, seed).unwrap_or(home);
+        let joints = || mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
+        let seen: Vec<Reading> = postures
+            .iter()
+            .filter_map(|variables| {
+                let pose = close(mechanism, &truth, variables).ok()?.tool();
+                Some(Reading {
+                    name: String::new(),
+                    actuators: variables.iter().zip(joints()).map(|(q, joint)| q + joint.home).collect(),
+                    position: pose.p,
+                    rotation: (!position_only).then_some(pose.r),
+                    vector: None,
+                    quaternion: false,
+                })
+            })
+            .collect();
+        largest = misfits(mechanism, &seen).into_iter().filter(|m| m.is_finite()).fold(largest, f64::max);
+    }
+    let length = mechanism.characteristic_length();
+    let noise = noise.map_or(0.0, |c| {
+        let rotation: f64 = (0..3).map(|i| c[(i, i)]).sum();
+        let position: f64 = (3..6).map(|i| c[(i, i)]).sum();
+        (position + rotation * length * length).sqrt()
+    });
+    largest.hypot(3.0 * noise)
+}
+
+/// The reading as a sample of unit noise.
+pub(super) fn measurement(reading: &Reading) -> Option<Pose> {
+    let rotation = reading.rotation.is_some();
+    let seen = [rotation, rotation, rotation, true, true, true];
+    let r = reading.rotation.unwrap_or_else(Matrix3::identity);
+    Pose::new(Se3 { r, p: reading.position }, seen, &Matrix6::identity()).ok()
+}
+
+/// Rotation vector of a reading: as written, or that of the matrix.
+pub(super) fn vector(reading: &Reading) -> Option<Vector3<f64>> {
+    reading.vector.or_else(|| reading.rotation.map(|r| so3::log(&r)))
+}

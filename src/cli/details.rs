@@ -1,0 +1,102 @@
+//! The details of a summary: errors of single kinds of measurement, constants of the instrument, largest deviations.
+
+use super::summary::Summary;
+use crate::identify::Fit;
+use crate::identify::score::Spread;
+use crate::model::Quantity;
+
+/// Deviations shown.
+const SHOWN: usize = 5;
+
+/// Four significant digits.
+pub(super) fn digits(value: f64) -> String {
+    if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
+        return format!("{value:.3e}");
+    }
+    let before = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
+    format!("{value:.*}", usize::try_from(3 - before).unwrap_or(0))
+}
+
+/// Errors of what is neither a position nor a rotation, a line each, before and after.
+pub(super) fn other_errors(of: &Summary<'_>) -> String {
+    type Part = fn(&Fit) -> Option<Spread>;
+    let units = of.problem.units;
+    let (length, angle) = (units.length_symbol(), units.angle_symbol());
+    let parts: [(&str, Part, bool); 4] = [
+        ("distance", |fit| fit.distance, false),
+        ("plane", |fit| fit.plane, false),
+        ("joint angle", |fit| fit.joint_angle, true),
+        ("joint length", |fit| fit.joint_length, false),
+    ];
+    let mut text = String::new();
+    for (name, part, angular) in parts {
+        for (set, (before, after)) in [("training", of.found.fit), ("hold-out", of.holdout)] {
+            let (Some(before), Some(after)) = (before.as_ref().and_then(part), after.as_ref().and_then(part))
+            else {
+                continue;
+            };
+            let shown = |v: f64| digits(if angular { units.from_radians(v) } else { units.from_metres(v) });
+            text.push_str(&format!(
+                "{name:13} {set:9} rms {} -> {}, max {} -> {} {}\n",
+                shown(before.rms),
+                shown(after.rms),
+                shown(before.max),
+                shown(after.max),
+                if angular { angle } else { length }
+            ));
+        }
+    }
+    text
+}
+
+/// The instrument's constants.
+pub(super) fn instrument(of: &Summary<'_>) -> String {
+    let constants = of.instrument();
+    if constants.is_empty() {
+        return String::new();
+    }
+    let mut text = "\nconstants of the instrument\n".to_owned();
+    for (found, constant) in constants.iter().zip(&of.problem.mechanism.instrument) {
+        let unit = match constant.quantity {
+            Quantity::Angle => of.problem.units.angle_symbol(),
+            Quantity::Length => of.problem.units.length_symbol(),
+            Quantity::Ratio => "",
+        };
+        let error = found.std.map_or(String::new(), |std| format!(" +- {}", digits(std)));
+        text.push_str(&format!("  {:24} {}{error} {unit}\n", found.name, digits(found.value)));
+    }
+    text
+}
+
+/// The largest deviations in tolerances, with their standard errors.
+pub(super) fn largest(of: &Summary<'_>) -> String {
+    let (found, units) = (of.found, of.problem.units);
+    let mut components = of.components();
+    components.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()).then(a.2.cmp(&b.2)));
+    components.retain(|c| c.0.is_finite() && c.0 != 0.0);
+    if components.is_empty() {
+        return "\n".into();
+    }
+    let mut text = "\nlargest deviations, each link in the frame of the joint that it carries\n".to_owned();
+    for (ratio, d, index, i, name) in components.into_iter().take(SHOWN) {
+        let (kind, symbol) = match i {
+            0..3 => ("rotation", units.angle_symbol()),
+            _ => ("translation", units.length_symbol()),
+        };
+        let shown = |v: f64| digits(if i < 3 { units.from_radians(v) } else { units.from_metres(v) });
+        let error = found
+            .std
+            .as_ref()
+            .and_then(|std| std.get(index))
+            .map_or(String::new(), |s| format!(" +- {}", shown(*s)));
+        text.push_str(&format!(
+            "  {:24} {:11} {}  {}{error} {symbol}  ({ratio:+.2} tolerances)\n",
+            name,
+            kind,
+            ["x", "y", "z"][i % 3],
+            shown(d),
+        ));
+    }
+    text.push('\n');
+    text
+}

@@ -1,0 +1,223 @@
+//! Base, tool and targets from measured positions: `m_k = X g_k Y o_k` over predicted tool poses `g_k`, with the base `X`,
+//! the tool `Y` and the offsets `o` of targets unknown, or some of them.
+//!
+//! With `X`'s rotation given the rest is nearly linear. So Gauss-Newton starts from the 24 rotations that map a cube to
+//! itself, of which one lies within 63 degrees of any rotation, and the best end is taken.
+
+use super::registration::{FreeEnds, Sighting};
+use crate::lie::{Se3, se3, so3};
+use crate::measure::{Clue, Point};
+use crate::model::{Mechanism, Prior};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use std::f64::consts::FRAC_PI_2;
+
+/// Positions from which starts are tried.
+const TRIED: usize = 60;
+const ITERATIONS: usize = 40;
+/// Relative size of an eigenvalue of the normal matrix below which its direction is left alone.
+const RANK: f64 = 1e-10;
+
+/// A predicted tool pose, the target and where it was measured.
+struct Seen {
+    tool: Se3,
+    target: Point,
+    at: Vector3<f64>,
+}
+
+/// What is unknown.
+#[derive(Clone)]
+struct Unknowns {
+    free: FreeEnds,
+    /// First constants of the free targets.
+    targets: Vec<usize>,
+    base: Se3,
+    tool: Se3,
+    /// Values of the instrument's constants.
+    instrument: Vec<f64>,
+}
+
+impl Unknowns {
+    fn count(&self) -> usize {
+        6 * (usize::from(self.free.base) + usize::from(self.free.tool)) + 3 * self.targets.len()
+    }
+
+    fn error(&self, seen: &Seen) -> Vector3<f64> {
+        let offset = self.tool.r * seen.target.at(&self.instrument) + self.tool.p;
+        self.base.r * (seen.tool.r * offset + seen.tool.p) + self.base.p - seen.at
+    }
+
+    fn cost(&self, seen: &[Seen]) -> f64 {
+        seen.iter().map(|s| self.error(s).norm_squared()).sum()
+    }
+
+    /// The normal equations of one Gauss-Newton step.
+    fn normal(&self, seen: &[Seen]) -> (DMatrix<f64>, DVector<f64>) {
+        let n = self.count();
+        let (mut matrix, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        for s in seen {
+            let offset = s.target.at(&self.instrument);
+            let turned = self.base.r * s.tool.r * self.tool.r;
+            let error = self.error(s);
+            let mut jac = DMatrix::zeros(3, n);
+            let mut column = 0;
+            if self.free.base {
+                let moved = error + s.at - self.base.p;
+                jac.view_mut((0, 0), (3, 3)).copy_from(&-so3::hat(&moved));
+                jac.view_mut((0, 3), (3, 3)).copy_from(&Matrix3::identity());
+                column += 6;
+            }
+            if self.free.tool {
+                jac.view_mut((0, column), (3, 3)).copy_from(&(turned * -so3::hat(&offset)));
+                jac.view_mut((0, column + 3), (3, 3)).copy_from(&turned);
+                column += 6;
+            }
+            if let Some(k) = self.targets.iter().position(|first| s.target.constants == Some(*first)) {
+                jac.view_mut((0, column + 3 * k), (3, 3)).copy_from(&turned);
+            }
+            matrix += jac.tr_mul(&jac);
+            right -= jac.tr_mul(&error);
+        }
+        (matrix, right)
+    }
+
+    /// Moved by a step: base on the left about its own origin, tool on the right.
+    fn moved(&self, step: &DVector<f64>) -> Self {
+        let mut next = self.clone();
+        let mut at = 0;
+        let mut take = || {
+            at += 3;
+            Vector3::new(step[at - 3], step[at - 2], step[at - 1])
+        };
+        if self.free.base {
+            next.base.r = so3::exp(&take()) * self.base.r;
+            next.base.p += take();
+        }
+        if self.free.tool {
+            let (w, v) = (take(), take());
+            next.tool = self.tool * se3::exp(&se3::Twist::new(w.x, w.y, w.z, v.x, v.y, v.z));
+        }
+        for &first in &self.targets {
+            let by = take();
+            next.instrument[first..first + 3].iter_mut().zip(by.iter()).for_each(|(o, v)| *o += v);
+        }
+        next
+    }
+
+    /// Gauss-Newton with halved steps; directions that the positions do not see are left alone.
+    fn settled(mut self, seen: &[Seen]) -> (f64, Self) {
+        let mut cost = self.cost(seen);
+        for _ in 0..ITERATIONS {
+            let (matrix, right) = self.normal(seen);
+            let svd = matrix.svd(true, true);
+            let largest = svd.singular_values.max();
+            let Ok(step) = svd.solve(&right, RANK * largest) else { break };
+            let mut fraction = 1.0;
+            let better = loop {
+                let next = self.moved(&(&step * fraction));
+                let next_cost = next.cost(seen);
+                if next_cost < cost {
+                    break Some((next, next_cost));
+                }
+                fraction *= 0.5;
+                if fraction < 1e-3 {
+                    break None;
+                }
+            };
+            let Some((next, next_cost)) = better else { break };
+            let gain = 1.0 - next_cost / cost;
+            (self, cost) = (next, next_cost);
+            if gain < 1e-9 {
+                break;
+            }
+        }
+        (cost, self)
+    }
+}
+
+/// Moves the free targets of `mechanism` to where the positions say that they are, and returns base and tool; `None`
+/// where the positions do not determine the base.
+pub(super) fn place_targets(
+    mechanism: &mut Mechanism,
+    sightings: &[Sighting],
+    free: FreeEnds,
+) -> Option<(Se3, Se3)> {
+    let seen: Vec<Seen> = sightings
+        .iter()
+        .filter_map(|s| match s.clue {
+            Clue::Position { target, at } => Some(Seen { tool: s.tool, target, at }),
+            _ => None,
+        })
+        .collect();
+    let is_free = |k: usize| mechanism.instrument.get(k).is_some_and(|c| c.prior == Prior::Free);
+    let mut targets: Vec<usize> =
+        seen.iter().filter_map(|s| s.target.constants).filter(|k| is_free(*k)).collect();
+    targets.sort_unstable();
+    targets.dedup();
+    let start = Unknowns {
+        free,
+        targets,
+        base: Se3::identity(),
+        tool: Se3::identity(),
+        instrument: mechanism.nominal().instrument,
+    };
+    if start.count() == 0 {
+        return Some((start.base, start.tool));
+    }
+    if seen.len() < 3 {
+        return None;
+    }
+    let few: Vec<Seen> = seen
+        .iter()
+        .step_by(seen.len().div_ceil(TRIED))
+        .map(|s| Seen { tool: s.tool, target: s.target, at: s.at })
+        .collect();
+    let mut best: Option<(f64, Unknowns)> = None;
+    let turns = if free.base { cube_rotations() } else { vec![Matrix3::identity()] };
+    for turn in turns {
+        let mut from = start.clone();
+        from.base.r = turn;
+        if free.base {
+            let gap: Vector3<f64> = few.iter().map(|s| from.error(s)).sum();
+            from.base.p -= gap / few.len() as f64;
+        }
+        let found = from.settled(&few);
+        // Strictly better, so that equal ends keep the order of the starts.
+        if best.as_ref().is_none_or(|(cost, _)| found.0 < *cost * (1.0 - 1e-6)) {
+            best = Some(found);
+        }
+    }
+    let (_, found) = best?.1.settled(&seen);
+    if free.base && !spans(&found, &seen) {
+        return None;
+    }
+    for &first in &found.targets {
+        for k in first..first + 3 {
+            mechanism.instrument[k].nominal = found.instrument[k];
+        }
+    }
+    Some((found.base, found.tool))
+}
+
+/// Whether the points, as predicted, do not lie on one line: only then they determine a rotation.
+fn spans(found: &Unknowns, seen: &[Seen]) -> bool {
+    let points: Vec<Vector3<f64>> = seen.iter().map(|s| found.error(s) + s.at).collect();
+    let centre = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let spread: Matrix3<f64> = points.iter().map(|p| (p - centre) * (p - centre).transpose()).sum();
+    let mut s: [f64; 3] = spread.symmetric_eigenvalues().into();
+    s.sort_by(f64::total_cmp);
+    s[1] > 1e-12 * s[2] && s[2] > 0.0
+}
+
+/// The 24 rotations that map a cube to itself.
+fn cube_rotations() -> Vec<Matrix3<f64>> {
+    let quarter = |axis: Vector3<f64>, times: i32| so3::exp(&(axis * (FRAC_PI_2 * f64::from(times))));
+    let faces = [
+        Matrix3::identity(),
+        quarter(Vector3::x(), 1),
+        quarter(Vector3::x(), 2),
+        quarter(Vector3::x(), 3),
+        quarter(Vector3::y(), 1),
+        quarter(Vector3::y(), 3),
+    ];
+    faces.iter().flat_map(|face| (0..4).map(move |k| face * quarter(Vector3::z(), k))).collect()
+}
