@@ -15,7 +15,7 @@ const LAYERS: [(&str, &[&str]); 13] = [
     // Nor does an identifier.
     ("solve", &["linalg", "problem"]),
     ("simulate", &["lie", "model", "measure"]),
-    ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "solve"]),
+    ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "solve"]),
     ("files", &["lie", "model", "measure", "calibration"]),
     // Figures and pages are data in, bytes out.
     ("render", &[]),

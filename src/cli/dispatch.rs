@@ -1,7 +1,7 @@
 //! Commands and their arguments.
 
 use super::error::CliError;
-use super::{analyze, identify, predict, simulate, solvers};
+use super::{analyze, identify, predict, report, simulate, solvers};
 use clap::{Parser, Subcommand};
 
 /// Kinematic calibration of parallel and serial manipulators.
@@ -20,6 +20,8 @@ enum Command {
     Analyze(analyze::Args),
     /// Forward kinematics of a problem's or result's machine
     Predict(predict::Args),
+    /// Write a page of figures and tables about a result
+    Report(report::Args),
     /// Draw a true machine from the tolerances and measure it
     Simulate(simulate::Args),
     /// List the identifiers
@@ -41,6 +43,7 @@ pub fn run(cli: &Cli) -> Result<Ending, CliError> {
         Command::Identify(args) => identify::run(args),
         Command::Analyze(args) => analyze::run(args),
         Command::Predict(args) => predict::run(args),
+        Command::Report(args) => report::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Solvers => solvers::run(),
     }

@@ -6,6 +6,7 @@ pub mod error;
 pub mod identify;
 pub mod predict;
 pub mod progress;
+pub mod report;
 pub mod simulate;
 pub mod solvers;
 pub mod summary;

@@ -3,13 +3,13 @@
 use crate::files::noise::NoiseDrawing;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, Deviation, LinkResult, PoseErrors, SetAsideEntry,
-    TraceEntry, WeightEntry,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, Deviation, EstimateEntry, LinkResult, PoseErrors,
+    SetAsideEntry, SourceEntry, TraceEntry, WeightEntry,
 };
 use crate::files::{ProblemFile, ResultFile, Units, redraw};
 use crate::identify::{self, Fit, Identification, NoiseEstimate};
 use crate::model::Prior;
-use crate::solve::Identifier;
+use crate::solve::{Estimate, Identifier};
 
 /// Deviations shown.
 const SHOWN: usize = 5;
@@ -32,12 +32,36 @@ pub struct Summary<'a> {
     pub noise: Option<NoiseEstimate>,
     /// The identifier.
     pub identifier: &'a dyn Identifier,
+    /// Part of the samples held out by choice, and the seed of the choice.
+    pub chosen: Option<(f64, u64)>,
 }
 
 impl From<identify::Counts> for Counts {
     fn from(counts: identify::Counts) -> Self {
         let identify::Counts { structural, first_order, practical } = counts;
         Self { structural, first_order, practical }
+    }
+}
+
+impl From<Estimate> for EstimateEntry {
+    fn from(estimate: Estimate) -> Self {
+        match estimate {
+            Estimate::LeastSquares => Self::LeastSquares,
+            Estimate::Split { threshold } => Self::Split(threshold),
+            Estimate::Ridge { weight } => Self::Ridge(weight),
+            Estimate::Other => Self::Other,
+        }
+    }
+}
+
+impl From<EstimateEntry> for Estimate {
+    fn from(entry: EstimateEntry) -> Self {
+        match entry {
+            EstimateEntry::LeastSquares => Self::LeastSquares,
+            EstimateEntry::Split(threshold) => Self::Split { threshold },
+            EstimateEntry::Ridge(weight) => Self::Ridge { weight },
+            EstimateEntry::Other => Self::Other,
+        }
     }
 }
 
@@ -66,6 +90,11 @@ impl Summary<'_> {
         ResultFile {
             format: RESULT_FORMAT.into(),
             problem: self.problem.name.clone(),
+            source: Some(SourceEntry {
+                problem_file: self.problem.file.clone(),
+                holdout: self.chosen.map(|chosen| chosen.0),
+                seed: self.chosen.map(|chosen| chosen.1),
+            }),
             solver: report.identifier.into(),
             settings: self.identifier.settings().into_iter().map(|(k, v)| (k.to_owned(), v)).collect(),
             converged: report.outcome.converged(),
@@ -95,6 +124,7 @@ impl Summary<'_> {
                 .map(|a| ActiveBoundEntry { name: a.name.clone(), limit: a.limit, multiplier: a.multiplier })
                 .collect(),
             kkt: report.kkt,
+            estimate: Some(report.estimate.into()),
             weights: report
                 .weights
                 .iter()

@@ -37,6 +37,6 @@ pub use poses::{PosesFormat, poses_text};
 pub use problem::{DataPlaces, Model, ProblemDrawing, ProblemFile, read_model, read_problem};
 pub use readings::readings;
 pub use redraw::redraw;
-pub use result::ResultFile;
+pub use result::{ResultFile, read_result};
 pub use units::{AngleUnit, LengthUnit, Units};
 pub use write::Output;

@@ -3,8 +3,10 @@
 pub mod counts;
 pub mod noise;
 pub mod registration;
+pub mod residuals;
 pub mod run;
 pub mod score;
+pub mod uncertainty;
 
 pub use counts::{Counts, Visibility};
 pub use noise::{NoiseEstimate, identify_without_noise};
