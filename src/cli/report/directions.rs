@@ -52,10 +52,10 @@ fn singular_values(result: &ResultFile) -> Figure {
         "singular-values",
         "Whitened singular values",
         x,
-        Axis::log("signal-to-noise ratio of one tolerance"),
+        Axis::log("singular value (signal / noise)"),
     )
     .captioned(
-        "At the solution, in units of tolerance and noise: above 1 the readings know more than the tolerances. \
+        "At the solution, in units of tolerance and noise, the signal-to-noise ratio of one tolerance: above 1 the readings know more than the tolerances. \
          Zeros are not drawn. The lines end the three counts.",
     )
     .with(Series::new("singular values", Kind::Points, Style::numbered(0), &points));
