@@ -26,6 +26,9 @@ fn browser() -> Option<PathBuf> {
     found
 }
 
+/// Width of a phone, px.
+const PHONE: u32 = 390;
+
 /// What the page says of itself once it is ready.
 struct Seen {
     root: String,
@@ -60,13 +63,29 @@ impl Seen {
     }
 }
 
+/// A page that holds this one in a frame of a phone's width, and passes on what it says: windows are not that narrow.
+fn on_a_phone(page: &Path, text: &str) -> PathBuf {
+    let held = text.replace('&', "&amp;").replace('"', "&quot;");
+    let script = "const f = document.querySelector('iframe'); f.onload = () => \
+                  Object.assign(document.documentElement.dataset, f.contentDocument.documentElement.dataset);";
+    let framed = format!(
+        "<!DOCTYPE html><html><head><meta name=\"color-scheme\" content=\"light dark\"></head><body>\
+         <iframe width=\"{PHONE}\" height=\"844\" style=\"border:0\" srcdoc=\"{held}\"></iframe>\
+         <script>{script}</script></body></html>"
+    );
+    let path = page.with_extension("phone.html");
+    std::fs::write(&path, framed).unwrap();
+    path
+}
+
 /// Fails unless the page is whole in every dress.
 fn check(browser: &Path, page: &Path) {
     let text = std::fs::read_to_string(page).unwrap();
     let figures = text.matches("<svg").count();
     assert!(figures > 5, "{}: {figures} figures", page.display());
-    for (width, dark) in [(1280, false), (1280, true), (390, false)] {
-        let seen = Seen::of(browser, page, width, dark);
+    for (width, dark) in [(1280, false), (1280, true), (PHONE, false), (PHONE, true)] {
+        let framed = if width == PHONE { on_a_phone(page, &text) } else { page.to_owned() };
+        let seen = Seen::of(browser, &framed, 1280, dark);
         let what = format!("{} at {width} px, dark {dark}: <html{}>", page.display(), seen.root);
         assert!(seen.console.is_empty(), "{what}: {:?}", seen.console);
         assert_eq!((seen.value("ready"), seen.value("errors")), ("true", "0"), "{what}");

@@ -3,6 +3,7 @@
 pub mod analyze;
 pub mod dispatch;
 pub mod error;
+mod estimate;
 pub mod identify;
 pub mod predict;
 pub mod progress;

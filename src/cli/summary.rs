@@ -3,13 +3,13 @@
 use crate::files::noise::NoiseDrawing;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, Deviation, EstimateEntry, LinkResult, PoseErrors,
-    SetAsideEntry, SourceEntry, TraceEntry, WeightEntry,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, Counts, Deviation, LinkResult, PoseErrors, SetAsideEntry,
+    SourceEntry, TraceEntry, WeightEntry,
 };
 use crate::files::{ProblemFile, ResultFile, Units, redraw};
 use crate::identify::{self, Fit, Identification, NoiseEstimate};
 use crate::model::Prior;
-use crate::solve::{Estimate, Identifier};
+use crate::solve::Identifier;
 
 /// Deviations shown.
 const SHOWN: usize = 5;
@@ -40,28 +40,6 @@ impl From<identify::Counts> for Counts {
     fn from(counts: identify::Counts) -> Self {
         let identify::Counts { structural, first_order, practical } = counts;
         Self { structural, first_order, practical }
-    }
-}
-
-impl From<Estimate> for EstimateEntry {
-    fn from(estimate: Estimate) -> Self {
-        match estimate {
-            Estimate::LeastSquares => Self::LeastSquares,
-            Estimate::Split { threshold } => Self::Split(threshold),
-            Estimate::Ridge { weight } => Self::Ridge(weight),
-            Estimate::Other => Self::Other,
-        }
-    }
-}
-
-impl From<EstimateEntry> for Estimate {
-    fn from(entry: EstimateEntry) -> Self {
-        match entry {
-            EstimateEntry::LeastSquares => Self::LeastSquares,
-            EstimateEntry::Split(threshold) => Self::Split { threshold },
-            EstimateEntry::Ridge(weight) => Self::Ridge { weight },
-            EstimateEntry::Other => Self::Other,
-        }
     }
 }
 
