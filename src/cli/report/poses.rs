@@ -8,6 +8,9 @@ use crate::render::{Axis, Cell, Figure, Kind, Part, ReferenceLine, Section, Seri
 
 /// Postures listed.
 const LISTED: usize = 10;
+/// Residuals of a posture by the machine as drawn and as identified.
+type Pair = (Option<Residual>, Option<Residual>);
+
 const COMPONENTS: [&str; 6] = ["rx", "ry", "rz", "x", "y", "z"];
 
 /// Figures and tables of residuals.
@@ -119,7 +122,7 @@ fn component_table(result: &ResultFile, study: &Study) -> Table {
         .captioned("In {S} axes: rotation vector and displacement of the tool point.");
     let units = result.units;
     for (i, name) in COMPONENTS.iter().enumerate() {
-        let of = |pick: &dyn Fn(&(Option<Residual>, Option<Residual>)) -> Option<f64>| -> Vec<f64> {
+        let of = |pick: &dyn Fn(&Pair) -> Option<f64>| -> Vec<f64> {
             study.residuals.iter().filter_map(pick).collect()
         };
         let before = of(&|pair| pair.0.as_ref()?.components[i]);
@@ -178,7 +181,7 @@ fn normal_quantile(p: f64) -> f64 {
         -3.969683028665376e1,
         2.209460984245205e2,
         -2.759285104469687e2,
-        1.383577518672690e2,
+        1.38357751867269e2,
         -3.066479806614716e1,
         2.506628277459239,
     ];
