@@ -70,7 +70,7 @@ fn singular_values(result: &ResultFile) -> Figure {
         figure =
             figure.with(Series::new(name, Kind::Dashed, Style::numbered(style), &[(at, low), (at, high)]));
     }
-    figure.with_line(ReferenceLine::Y(1.0, "1: data know as much as tolerances".into()))
+    figure.with_line(ReferenceLine::Y(1.0, "signal = noise".into()))
 }
 
 /// Correlations of the components of the directions that are weakest among those that the data determine, and these
