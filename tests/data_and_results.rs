@@ -5,7 +5,9 @@ mod spoiled;
 use gough::files::noise::{NoiseDrawing, assumed_noise};
 use gough::files::problem::{PROBLEM_FORMAT, ProblemDrawing, parse_model, parse_problem};
 use gough::files::result::RESULT_FORMAT;
-use gough::files::summary::{BeforeAfter, ChiSquare, Counts, Deviation, LinkResult, PoseErrors, TraceEntry};
+use gough::files::summary::{
+    BeforeAfter, ChiSquare, Counts, Deviation, EstimateEntry, LinkResult, PoseErrors, SourceEntry, TraceEntry,
+};
 use gough::files::{DataDrawing, ProblemFile, ResultFile, SampleDrawing, Units, json, read_problem, redraw};
 use gough::lie::{Se3, so3};
 use gough::measure::{Evaluation, View};
@@ -142,6 +144,7 @@ fn result(read: &ProblemFile) -> ResultFile {
     ResultFile {
         format: RESULT_FORMAT.into(),
         problem: read.name.clone(),
+        source: Some(SourceEntry { problem_file: "p.json".into(), holdout: Some(0.25), seed: Some(7) }),
         solver: "minimal".into(),
         settings: BTreeMap::new(),
         converged: false,
@@ -157,6 +160,7 @@ fn result(read: &ProblemFile) -> ResultFile {
         set_aside: Vec::new(),
         active_bounds: Vec::new(),
         kkt: None,
+        estimate: Some(EstimateEntry::Split(1.0)),
         weights: Vec::new(),
         singular_values: vec![2.0, 1.0],
         trace: vec![TraceEntry { cost: f64::INFINITY, step: 3.0, kept: Some(2) }],
@@ -184,6 +188,7 @@ fn results_are_models_and_keep_every_digit() {
     let again: ResultFile = json::parse("r.json", &text).unwrap();
     assert!(again.trace[0].cost.is_nan());
     assert_eq!(again.links, written.links);
+    assert_eq!((again.source, again.estimate), (written.source, written.estimate));
     assert_eq!(again.mechanism, written.mechanism);
     let model = parse_model(Path::new("r.json"), &text).unwrap();
     assert_eq!(model.mechanism.actuator_names(), read.mechanism.actuator_names());

@@ -15,7 +15,7 @@ const LAYERS: [(&str, &[&str]); 17] = [
     // Nor does an identifier.
     ("solve", &["linalg", "problem"]),
     ("simulate", &["lie", "model", "measure"]),
-    ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "solve"]),
+    ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "solve"]),
     // Plans postures; what it plans for and where it writes is not its business.
     ("design", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "identify"]),
     ("check", &["lie", "model", "measure", "calibration", "simulate", "identify"]),

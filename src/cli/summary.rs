@@ -5,7 +5,7 @@ use crate::files::noise::NoiseDrawing;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, Deviation, LinkResult, PoseErrors,
-    SetAsideEntry, TraceEntry, WeightEntry,
+    SetAsideEntry, SourceEntry, TraceEntry, WeightEntry,
 };
 use crate::files::{ProblemFile, ResultFile, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Identification, NoiseEstimate};
@@ -33,6 +33,8 @@ pub struct Summary<'a> {
     pub noise: Option<NoiseEstimate>,
     /// The identifier.
     pub identifier: &'a dyn Identifier,
+    /// Part of the samples held out by choice, and the seed of the choice.
+    pub chosen: Option<(f64, u64)>,
 }
 
 impl From<identify::Counts> for Counts {
@@ -75,6 +77,11 @@ impl Summary<'_> {
         ResultFile {
             format: RESULT_FORMAT.into(),
             problem: self.problem.name.clone(),
+            source: Some(SourceEntry {
+                problem_file: self.problem.file.clone(),
+                holdout: self.chosen.map(|chosen| chosen.0),
+                seed: self.chosen.map(|chosen| chosen.1),
+            }),
             solver: report.identifier.into(),
             settings: self.identifier.settings().into_iter().map(|(k, v)| (k.to_owned(), v)).collect(),
             converged: report.outcome.converged(),
@@ -104,6 +111,7 @@ impl Summary<'_> {
                 .map(|a| ActiveBoundEntry { name: a.name.clone(), limit: a.limit, multiplier: a.multiplier })
                 .collect(),
             kkt: report.kkt,
+            estimate: Some(report.estimate.into()),
             weights: report
                 .weights
                 .iter()

@@ -2,7 +2,7 @@
 
 use crate::calibration::{Calibration, Sample};
 use crate::identify::Identification;
-use crate::identify::run::weight;
+use crate::identify::uncertainty::weight;
 use crate::linalg;
 use crate::measure::Weights;
 use crate::problem::{Form, Problem};

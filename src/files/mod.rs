@@ -46,7 +46,7 @@ pub use poses::{PosesFormat, poses_text};
 pub use problem::{DataPlaces, Model, ProblemDrawing, ProblemFile, read_model, read_problem};
 pub use readings::readings;
 pub use redraw::redraw;
-pub use result::ResultFile;
+pub use result::{ResultFile, read_result};
 pub use text::read_text;
 pub use units::{AngleUnit, LengthUnit, Units};
 pub use wanted::{CommandedPose, WantedPose, commands_text, read_wanted};

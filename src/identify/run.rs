@@ -3,13 +3,13 @@
 use super::counts::{Counts, Visibility, visibility};
 use super::registration::{FreeEnds, registered};
 use super::score::{Fit, Outlier, outliers, score};
+use super::uncertainty::{root, weight};
 use crate::calibration::{Calibration, Sample, SetAside};
 use crate::lie::Se3;
 use crate::lie::se3::{self, Twist};
 use crate::measure::Weights;
 use crate::model::{Geometry, Mechanism, Posture, Prior};
 use crate::problem::{Form, Problem};
-use crate::solve::split::prior_weight;
 use crate::solve::{Estimate, Identifier, Iterate, Report, Stop};
 use nalgebra::Matrix6;
 
@@ -215,19 +215,6 @@ fn singularities(
     (near, other_mode)
 }
 
-/// Weight of the prior on a direction of singular value `s`; `None` where linear theory does not apply.
-///
-/// Least squares without any prior has no finite error along directions that the data cannot see; there the
-/// tolerance stands in for it.
-pub fn weight(estimate: Estimate, s: f64) -> Option<f64> {
-    match estimate {
-        Estimate::Split { threshold } => Some(prior_weight(s / threshold)),
-        Estimate::Ridge { weight } => Some(weight),
-        Estimate::LeastSquares => Some(if s > 1e-6 { 0.0 } else { 1.0 }),
-        Estimate::Other => None,
-    }
-}
-
 /// Standard errors of the link deviations, from the singular value decomposition at the solution `at`: covariance
 /// `(J'J + W)^-1`, `W` the prior that the estimate used.
 fn standard_errors(
@@ -251,9 +238,9 @@ fn standard_errors(
         })
         .collect();
     let mut variance = vec![0.0; start.component_count()];
-    for (k, s) in seen.singular_values.iter().enumerate() {
-        let scale = 1.0 / (s * s + weight(estimate, *s)?).sqrt();
-        let column: Vec<f64> = seen.directions.col(k).iter().map(|v| v * scale).collect();
+    let root = root(seen, estimate)?;
+    for k in 0..root.ncols() {
+        let column: Vec<f64> = root.col(k).iter().copied().collect();
         let column = coordinates.deviations(&column);
         let links = start.link_component_count();
         variance.iter_mut().zip(&column).skip(links).for_each(|(sum, v)| *sum += v * v);

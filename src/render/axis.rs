@@ -99,7 +99,7 @@ impl Axis {
         // The place of the last digit that tells neighbouring ticks apart.
         let exponent = (step.log10() + 1e-9).floor() as i32;
         let value = if place.abs() < 1e-9 * step { 0.0 } else { place };
-        if exponent < -4 || exponent > 5 {
+        if !(-4..=5).contains(&exponent) {
             return if value == 0.0 { "0".into() } else { format!("{value:.1e}") };
         }
         let decimals = usize::try_from(-exponent).unwrap_or(0);

@@ -11,6 +11,9 @@ const MARGIN: f64 = 46.0;
 /// Least distance between base lines of names, px.
 const LINE: f64 = 14.0;
 
+/// Slack by which two names at that distance are clear of each other, px.
+const ROUNDING: f64 = 0.01;
+
 /// How a line looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stroke {
@@ -127,13 +130,15 @@ impl Drawing {
             let left = (x + 7.0).min(WIDTH - width - 4.0);
             y -= 5.0;
             while let Some(other) = taken.iter().find(|other| {
-                (other[1] - y).abs() < LINE && left < other[0] + other[2] && other[0] < left + width
+                (other[1] - y).abs() < LINE - ROUNDING
+                    && left < other[0] + other[2]
+                    && other[0] < left + width
             }) {
                 y = other[1] + LINE;
             }
             taken.push([left, y, width]);
             let name = escaped(name);
-            out.push_str(&format!("<text x=\"{left:.1}\" y=\"{y:.1}\" stroke=\"none\">{name}</text>\n"));
+            out.push_str(&format!("<text x=\"{left:.1}\" y=\"{y:.1}\" class=\"name\">{name}</text>\n"));
         }
         out
     }
@@ -153,6 +158,15 @@ mod tests {
             let b = axes[(i + 1) % 3];
             assert!((a[0] * b[0] + a[1] * b[1] + 0.5).abs() < 1e-15);
         }
+    }
+
+    /// Places whose distances round to less than a line.
+    #[test]
+    fn names_at_any_place_find_room() {
+        let names =
+            (0..200).map(|i| (format!("joint {i}"), [0.1 * f64::from(i % 7), 0.3, 1.0 / 3.0])).collect();
+        let drawing = Drawing { names, ..Drawing::default() };
+        assert_eq!(drawing.svg().matches("<text").count(), 200);
     }
 
     #[test]

@@ -33,6 +33,8 @@
     });
     root.dataset.figures = String(drawn.length);
     root.dataset.overflow = String(Math.max(0, root.scrollWidth - root.clientWidth));
+    root.dataset.width = String(innerWidth);
+    root.dataset.scheme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
     root.dataset.ready = "true";
   });
 })();

@@ -52,8 +52,9 @@ impl Page {
     }
 
     /// The page as one HTML file: no network, light and dark, for desk, phone and paper. When it is ready, the root
-    /// element says so (`data-ready`), how many of its figures have a size (`data-figures`) and how many errors its
-    /// script met (`data-errors`).
+    /// element says so (`data-ready`), how many of its figures have a size (`data-figures`), how many errors its script
+    /// met (`data-errors`), how far it is wider than the window (`data-overflow`, px), how wide that is (`data-width`)
+    /// and which colours it has (`data-scheme`).
     pub fn html(&self) -> String {
         let title = escaped(&self.title);
         let mut body = format!("<h1>{title}</h1>\n<p class=\"intro\">{}</p>\n", escaped(&self.intro));

@@ -8,8 +8,8 @@ const COLOURS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00
 /// From little to much: viridis without its darkest end.
 const SEQUENTIAL: [&str; 7] = ["#46327e", "#365c8d", "#277f8e", "#1fa187", "#4ac16d", "#a0da39", "#fde725"];
 
-/// From -1 to 1: blue, grey, vermilion.
-const DIVERGING: [&str; 7] = ["#0072b2", "#4a9bcb", "#93c0da", "#b9b9b9", "#e0ad88", "#dc8444", "#d55e00"];
+/// From -1 to 1: blue, hardly anything, vermilion.
+const DIVERGING: [&str; 7] = ["#0072b2", "#4a9bcb", "#93c0da", "#80808055", "#e0ad88", "#dc8444", "#d55e00"];
 
 /// Shape of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

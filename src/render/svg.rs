@@ -47,6 +47,11 @@ pub fn svg(figure: &Figure) -> String {
     for (series, points) in &seen {
         drawn(series, points, base, &mut plots);
     }
+    if plots.is_empty() {
+        // kuva draws no axes where there is nothing on them.
+        let middle = (0.5 * (x.first + x.last), 0.5 * (y.first + y.last));
+        plots.push(ScatterPlot::new().with_data([middle]).with_color("none").into());
+    }
     let layout = layout(figure, x, y);
     finished(figure, &kuva::render_to_svg(plots, layout))
 }
@@ -154,7 +159,7 @@ fn layout(figure: &Figure, x: Scale, y: Scale) -> Layout {
         Shape::Usual => (540.0, 350.0),
         Shape::Wide => (1100.0, 360.0),
         Shape::Square => (540.0, 520.0),
-        Shape::Rows(rows) => (540.0, 90.0 + 17.0 * rows.max(1) as f64),
+        Shape::Rows(rows) => (540.0, 110.0 + 17.0 * rows.max(1) as f64),
     };
     let theme = Theme {
         background: "none".into(),
@@ -168,6 +173,8 @@ fn layout(figure: &Figure, x: Scale, y: Scale) -> Layout {
         ..Theme::light()
     };
     let entries: Vec<LegendEntry> = figure.series.iter().filter(|s| !s.name.is_empty()).map(entry).collect();
+    // The legend takes its room from the height: some lines of about four names.
+    let height = height + 13.0 * (entries.len() as f64 / 4.0).ceil();
     let mut layout = Layout::new((x.first, x.last), (y.first, y.last))
         .with_width(width)
         .with_height(height)
