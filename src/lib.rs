@@ -53,11 +53,13 @@
 //! identifier sees; [`model`] joints, limbs, postures; [`measure`] instruments; [`calibration`] machine and
 //! measurements as a problem; [`simulate`] synthetic measurements; [`solve`] identifiers; [`identify`] a whole
 //! identification; [`design`] which postures to measure; [`check`] mistakes in data; [`files`] problem and result
-//! files; [`formats`] those of other programs; [`cli`] the commands.
+//! files; [`formats`] those of other programs; [`render`] figures, tables and pages; [`compare`] identifiers side by
+//! side; [`cli`] the commands.
 
 pub mod calibration;
 pub mod check;
 pub mod cli;
+pub mod compare;
 pub mod design;
 pub mod files;
 pub mod formats;
@@ -67,5 +69,6 @@ pub mod linalg;
 pub mod measure;
 pub mod model;
 pub mod problem;
+pub mod render;
 pub mod simulate;
 pub mod solve;

@@ -6,7 +6,9 @@ use gough::files::UncertaintyDrawing;
 use gough::files::noise::{NoiseDrawing, assumed_noise};
 use gough::files::problem::{PROBLEM_FORMAT, ProblemDrawing, parse_model, parse_problem};
 use gough::files::result::RESULT_FORMAT;
-use gough::files::summary::{BeforeAfter, ChiSquare, Counts, Deviation, LinkResult, PoseErrors, TraceEntry};
+use gough::files::summary::{
+    BeforeAfter, ChiSquare, Counts, Deviation, EstimateEntry, LinkResult, PoseErrors, SourceEntry, TraceEntry,
+};
 use gough::files::{DataDrawing, ProblemFile, ResultFile, SampleDrawing, Units, json, read_problem, redraw};
 use gough::lie::{Se3, so3};
 use gough::measure::{Evaluation, View};
@@ -91,7 +93,7 @@ fn every_problem_of_the_collection_is_read() {
     let mut count = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        if path.is_file() {
+        if path.extension().is_some_and(|extension| extension == "json") {
             let read = read_problem(&path, &places()).unwrap();
             read.require_tolerances().unwrap();
             assert_eq!(Some(read.name.as_str()), path.file_stem().and_then(|stem| stem.to_str()));
@@ -143,6 +145,7 @@ fn result(read: &ProblemFile) -> ResultFile {
     ResultFile {
         format: RESULT_FORMAT.into(),
         problem: read.name.clone(),
+        source: Some(SourceEntry { problem_file: "p.json".into(), holdout: Some(0.25), seed: Some(7) }),
         solver: "minimal".into(),
         settings: BTreeMap::new(),
         converged: false,
@@ -165,6 +168,7 @@ fn result(read: &ProblemFile) -> ResultFile {
         set_aside: Vec::new(),
         active_bounds: Vec::new(),
         kkt: None,
+        estimate: Some(EstimateEntry::Split(1.0)),
         weights: Vec::new(),
         singular_values: vec![2.0, 1.0],
         trace: vec![TraceEntry { cost: f64::INFINITY, step: 3.0, kept: Some(2) }],
@@ -197,6 +201,7 @@ fn results_are_models_and_keep_every_digit() {
     let again: ResultFile = json::parse("r.json", &text).unwrap();
     assert!(again.trace[0].cost.is_nan());
     assert_eq!(again.links, written.links);
+    assert_eq!((again.source, again.estimate), (written.source, written.estimate));
     assert_eq!(again.mechanism, written.mechanism);
     let model = parse_model(Path::new("r.json"), &text).unwrap();
     let stated = model.uncertainty.clone().unwrap();

@@ -7,6 +7,6 @@ mod redundancy;
 pub mod rows;
 pub mod sample;
 
-pub use coordinates::Coordinates;
+pub use coordinates::{Coordinates, LimbCoordinates};
 pub use problem::Calibration;
 pub use sample::{Postures, Sample, SetAside, close_at};

@@ -1,7 +1,9 @@
 //! Commands and their arguments.
 
 use super::error::CliError;
-use super::{analyze, check, command, export, identify, import, plan, predict, simulate, solvers};
+use super::{
+    analyze, check, command, compare, export, identify, import, plan, predict, report, simulate, solvers,
+};
 use clap::{Parser, Subcommand};
 
 /// Kinematic calibration of parallel and serial manipulators.
@@ -27,8 +29,12 @@ enum Command {
     Reach(command::Args),
     /// Choose the postures to measure
     Plan(plan::Args),
+    /// Write a page of figures and tables about a result
+    Report(report::Args),
     /// Draw a true machine from the tolerances and measure it
     Simulate(simulate::Args),
+    /// Compare identifiers on problems, scored by the problem
+    Compare(compare::Args),
     /// Make a problem of a machine or of measurements in another format
     Import(import::Args),
     /// Write a calibrated machine for other programs
@@ -57,7 +63,9 @@ pub fn run(cli: &Cli) -> Result<Ending, CliError> {
         Command::Predict(args) => predict::run(args),
         Command::Reach(args) => command::run(args),
         Command::Plan(args) => plan::run(args),
+        Command::Report(args) => report::run(args),
         Command::Simulate(args) => simulate::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Import(args) => import::run(args),
         Command::Export(args) => export::run(args),
         Command::Solvers => solvers::run(),

@@ -86,7 +86,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             problem.file
         )));
     }
-    let (training, mut holdout) = divided(&problem, args)?;
+    let chosen = args.holdout.map(|fraction| (fraction, args.seed));
+    let (training, mut holdout) = divided(&problem, chosen)?;
     let folds =
         args.cross_validate.as_deref().map(|text| folds(text, training.len(), args.seed)).transpose()?;
     let stop = Stop::default();
@@ -149,6 +150,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         test: found.chi_square_test(&weighed),
         cross_validation,
         identifier: identifier.as_ref(),
+        chosen,
     };
     let text = summary(&report);
     match &output {
@@ -255,16 +257,19 @@ fn configured(args: &Args) -> Result<Box<dyn Identifier>, CliError> {
     Ok(identifier)
 }
 
-/// Training samples and hold-out: the problem's own, and the fraction asked for.
-fn divided(problem: &ProblemFile, args: &Args) -> Result<(Vec<Sample>, Vec<Sample>), CliError> {
+/// Training samples and hold-out: the problem's own, and the fraction asked for, chosen by a seed.
+pub(super) fn divided(
+    problem: &ProblemFile,
+    chosen: Option<(f64, u64)>,
+) -> Result<(Vec<Sample>, Vec<Sample>), CliError> {
     let samples = &problem.data.samples;
     let mut holdout = problem.holdout.samples.clone();
-    let Some(fraction) = args.holdout else { return Ok((samples.clone(), holdout)) };
+    let Some((fraction, seed)) = chosen else { return Ok((samples.clone(), holdout)) };
     if !(0.0..1.0).contains(&fraction) {
         return Err(CliError::Usage("--holdout must be at least 0 and below 1".into()));
     }
     let mut order: Vec<usize> = (0..samples.len()).collect();
-    order.shuffle(&mut ChaCha8Rng::seed_from_u64(args.seed));
+    order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
     let count = (fraction * samples.len() as f64).round() as usize;
     let mut held: Vec<usize> = order.into_iter().take(count.min(samples.len() - 1)).collect();
     held.sort_unstable();

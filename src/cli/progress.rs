@@ -1,6 +1,6 @@
 //! A sign of life on a terminal for work that takes more than a second.
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::mpsc;
 use std::time::Duration;
@@ -29,4 +29,18 @@ pub fn with_spinner<T: Send>(message: String, work: impl FnOnce() -> T + Send) -
         drop(done);
         result
     })
+}
+
+/// A bar for `count` pieces of work, with the time that remains. It is hidden where stderr is not a terminal.
+pub fn bar(count: u64) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::hidden());
+    }
+    let bar = ProgressBar::new(count);
+    if let Ok(style) = ProgressStyle::with_template("{bar:32} {pos}/{len} runs, {elapsed} gone, {eta} to go")
+    {
+        bar.set_style(style);
+    }
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
 }

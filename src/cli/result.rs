@@ -8,7 +8,7 @@ use crate::files::place::Place;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, Deviation,
-    LinkResult, PoseErrors, SetAsideEntry, TraceEntry, WeightEntry,
+    LinkResult, PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, WeightEntry,
 };
 use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Variance};
@@ -62,6 +62,11 @@ impl Summary<'_> {
         ResultFile {
             format: RESULT_FORMAT.into(),
             problem: self.problem.name.clone(),
+            source: Some(SourceEntry {
+                problem_file: self.problem.file.clone(),
+                holdout: self.chosen.map(|chosen| chosen.0),
+                seed: self.chosen.map(|chosen| chosen.1),
+            }),
             solver: report.identifier.into(),
             settings: self.identifier.settings().into_iter().map(|(k, v)| (k.to_owned(), v)).collect(),
             converged: report.outcome.converged(),
@@ -96,6 +101,7 @@ impl Summary<'_> {
                 .map(|a| ActiveBoundEntry { name: a.name.clone(), limit: a.limit, multiplier: a.multiplier })
                 .collect(),
             kkt: report.kkt,
+            estimate: Some(report.estimate.into()),
             weights: report
                 .weights
                 .iter()

@@ -3,6 +3,7 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::ranges::warn_of_home;
+use crate::compare::draw::{check_recipe, simulate_by, simulate_sets_by};
 use crate::files::problem::parse_problem;
 use crate::files::{
     DataDrawing, DataPlaces, DataSet, Kind, Output, ProblemDrawing, ProblemFile, SampleDrawing,
@@ -10,7 +11,7 @@ use crate::files::{
 };
 use crate::model::{Geometry, mobility};
 use crate::simulate::readings::Reading;
-use crate::simulate::{Plan, SimulatedSet, simulate, simulate_sets};
+use crate::simulate::{Plan, SimulatedSet};
 use std::path::PathBuf;
 
 /// Arguments.
@@ -84,18 +85,16 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let Args { holdout, seed, noise, distance, .. } = *args;
     let plan = Plan { poses: counts[0], holdout: holdout as usize, seed, noise, distance };
     let failed = |why| CliError::Simulate { file: problem.file.clone(), why };
-    let poses = |kind| matches!(kind, Kind::Pose | Kind::Position);
-    let drawing = if sets.len() == 1
-        && poses(sets[0].kind)
-        && problem.mechanism.instrument.is_empty()
-        && sets[0].blanks.iter().all(|blank| blank.drawing.target.is_none())
-    {
-        with_data(&problem, &simulate(&problem.mechanism, &covariance[0], &plan).map_err(failed)?, args)
+    check_recipe(&problem).map_err(|why| CliError::Usage(format!("{}: {why}", problem.file)))?;
+    let recipe = problem.drawing.benchmark.clone().unwrap_or_default();
+    let mechanism = &problem.mechanism;
+    let drawing = if problem.measures_tool_alone() {
+        with_data(&problem, &simulate_by(&recipe, mechanism, &covariance[0], &plan).map_err(failed)?, args)
     } else {
         let blanks =
             sets.iter().map(|set| set.blanks.iter().map(|blank| blank.measurement.clone()).collect());
         let blanks: Vec<Vec<_>> = blanks.collect();
-        let (truth, read) = simulate_sets(&problem.mechanism, &blanks, &counts, &plan).map_err(failed)?;
+        let (truth, read) = simulate_sets_by(&recipe, mechanism, &blanks, &counts, &plan).map_err(failed)?;
         with_sets(&problem, &truth, &read, args)
     };
     let text = json::text(&drawing)

@@ -32,6 +32,8 @@ pub struct Summary<'a> {
     pub cross_validation: Option<CrossValidation>,
     /// The identifier.
     pub identifier: &'a dyn Identifier,
+    /// Part of the samples held out by choice, and the seed of the choice.
+    pub chosen: Option<(f64, u64)>,
 }
 
 impl Summary<'_> {

@@ -160,6 +160,13 @@ pub enum Fault {
     #[error("the true machine has other actuators ({found}) than the mechanism ({wanted})")]
     OtherActuators { found: String, wanted: String },
 
+    #[error("not a result line of gough compare: {0}; remove the line, and its run is made again")]
+    ResultLine(String),
+    #[error("another result of the same run than {0}; keep one of them")]
+    OtherResult(String),
+    #[error("{found} is too small or not finite; give a number of at least {least}")]
+    BenchmarkNumber { found: f64, least: f64 },
+
     #[error("not a CSV table: {0}")]
     Table(String),
     #[error("no column {wanted}; the columns are {found}")]

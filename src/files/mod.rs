@@ -1,6 +1,7 @@
 //! Files: problems, results, tables of measurements, poses. Units of the file become m and rad here and nowhere else.
 
 pub mod actuators;
+pub mod benchmark;
 mod bytes;
 pub mod columns;
 pub mod data;
@@ -33,6 +34,7 @@ pub mod wanted;
 pub mod write;
 
 pub use actuators::{ActuatorRow, actuators_text, read_actuators};
+pub use benchmark::BenchmarkDrawing;
 pub use data::{DataDrawing, SampleDrawing};
 pub use dataset::{Blank, DataSet, Kind, MeasuredPose, PlannedPosture};
 pub use deviations::{cell, deviations_text};
@@ -45,7 +47,7 @@ pub use poses::{PosesFormat, poses_text, uncertain_poses_text};
 pub use problem::{DataPlaces, Model, ProblemDrawing, ProblemFile, read_model, read_problem};
 pub use readings::readings;
 pub use redraw::redraw;
-pub use result::ResultFile;
+pub use result::{ResultFile, read_result};
 pub use text::read_text;
 pub use uncertainty::{LinkUncertainty, UncertaintyDrawing};
 pub use units::{AngleUnit, LengthUnit, Units};

@@ -1,8 +1,9 @@
 //! Problem files, and the model that a problem or a result holds.
 
+use super::benchmark::BenchmarkDrawing;
 use super::columns::ColumnsDrawing;
 use super::data::{Context, DataDrawing};
-use super::dataset::DataSet;
+use super::dataset::{DataSet, Kind};
 use super::drawing::MechanismDrawing;
 use super::error::{FileError, Location, quoted};
 use super::fault::Fault;
@@ -34,6 +35,9 @@ pub struct ProblemDrawing {
     /// For people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub description: Option<String>,
+    /// Why it is in a benchmark set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub benchmark: Option<BenchmarkDrawing>,
     /// Of every number.
     pub units: Units,
     /// Nominal machine.
@@ -145,6 +149,9 @@ pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<P
         Some(data) => data.read(&context, &at_data)?,
         None => Default::default(),
     };
+    if let Some(benchmark) = &drawing.benchmark {
+        benchmark.check(&at.key("benchmark"))?;
+    }
     for (limb, name) in data.sensed.iter().chain(&holdout.sensed) {
         let limb = &mut mechanism.limbs[*limb];
         let joint = limb.joints.iter_mut().find(|joint| *name == format!("{}.{}", limb.name, joint.name));
@@ -229,6 +236,16 @@ fn stem(path: &Path) -> String {
 }
 
 impl ProblemFile {
+    /// Whether all that is measured are poses of the tool, or positions of the tool point, by an instrument without
+    /// constants of its own.
+    pub fn measures_tool_alone(&self) -> bool {
+        let alone = |set: &DataSet| {
+            matches!(set.kind, Kind::Pose | Kind::Position)
+                && set.blanks.iter().all(|blank| blank.drawing.target.is_none())
+        };
+        self.mechanism.instrument.is_empty() && matches!(self.data.parts(), [set] if alone(set))
+    }
+
     /// Refuses a problem with links whose tolerance is not stated: without it nothing can be identified.
     pub fn require_tolerances(&self) -> Result<(), FileError> {
         match &self.without_tolerance {

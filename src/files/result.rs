@@ -1,15 +1,21 @@
 //! Result files `gough-result/1`, in units of the problem.
 
 use super::drawing::MechanismDrawing;
+use super::error::{FileError, quoted};
+use super::fault::Fault;
+use super::json;
 use super::noise::NoiseDrawing;
+use super::place::Place;
 use super::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, LinkResult,
-    SetAsideEntry, TraceEntry, WeightEntry, numbers,
+    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, EstimateEntry,
+    LinkResult, SetAsideEntry, SourceEntry, TraceEntry, WeightEntry, numbers,
 };
 use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Format of result files.
 pub const RESULT_FORMAT: &str = "gough-result/1";
@@ -22,6 +28,9 @@ pub struct ResultFile {
     pub format: String,
     /// Name of the problem.
     pub problem: String,
+    /// Where its data are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<SourceEntry>,
     /// Name of the identifier.
     pub solver: String,
     /// Its settings in force.
@@ -65,6 +74,9 @@ pub struct ResultFile {
     /// KKT residual of the nonlinear problem, for constrained identifiers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kkt: Option<f64>,
+    /// How much the estimate leans on the tolerances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimate: Option<EstimateEntry>,
     /// Curve from which a regularisation weight was chosen.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub weights: Vec<WeightEntry>,
@@ -85,4 +97,28 @@ pub struct ResultFile {
     pub uncertainty: Option<UncertaintyDrawing>,
     /// Of the programs that made this.
     pub versions: BTreeMap<String, String>,
+}
+
+/// Reads a result file.
+pub fn read_result(path: &Path) -> Result<ResultFile, FileError> {
+    let file = path.display().to_string();
+    let bytes = json::read(path)?;
+    let head: Head = json::parse(&file, &bytes)?;
+    if head.format.as_str() != Some(RESULT_FORMAT) {
+        let found = match head.format {
+            Value::Null => "not stated".into(),
+            other => quoted(&other.to_string()),
+        };
+        let at = Place::file(&file);
+        return Err(at
+            .key("format")
+            .error(Fault::Format { found, expected: "\"format\": \"gough-result/1\"" }));
+    }
+    json::parse(&file, &bytes)
+}
+
+#[derive(Deserialize)]
+struct Head {
+    #[serde(default)]
+    format: Value,
 }

@@ -239,3 +239,33 @@ pub struct CrossValidationEntry {
     /// Prediction errors of the postures left out.
     pub errors: PoseErrors,
 }
+
+/// Where a result comes from, so that a report finds its data again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SourceEntry {
+    /// The problem file, as it was named.
+    pub problem_file: String,
+    /// Part of the samples that was held out besides the problem's own hold-out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub holdout: Option<f64>,
+    /// Seed of the choice of held-out samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+}
+
+/// How much the estimate leans on the tolerances, which decides its covariance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum EstimateEntry {
+    /// Not at all.
+    LeastSquares,
+    /// Fully up to this signal-to-noise ratio, not at all from ten times it.
+    Split(f64),
+    /// The same, limb by limb.
+    Decoupled(f64),
+    /// With this weight on every direction.
+    Ridge(f64),
+    /// In a way that linear theory does not describe: bounds, robust losses.
+    Other,
+}

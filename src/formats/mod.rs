@@ -42,6 +42,7 @@ impl Imported {
             mechanism: MechanismDrawing { tolerance, ..self.mechanism },
             data: None,
             truth: None,
+            benchmark: None,
             truth_instrument: BTreeMap::new(),
         }
     }

@@ -42,7 +42,7 @@ impl Variance {
 }
 
 /// Weight of the prior on a direction of singular value `s`; `None` where linear theory does not apply.
-pub(super) fn weight(estimate: Estimate, s: f64) -> Option<f64> {
+pub fn weight(estimate: Estimate, s: f64) -> Option<f64> {
     match estimate {
         Estimate::Split { threshold } | Estimate::Decoupled { threshold } => {
             Some(prior_weight(s / threshold))
@@ -50,6 +50,15 @@ pub(super) fn weight(estimate: Estimate, s: f64) -> Option<f64> {
         Estimate::Ridge { weight } => Some(weight),
         Estimate::LeastSquares => Some(if s > BLIND { 0.0 } else { 1.0 }),
         Estimate::Other => None,
+    }
+}
+
+/// Variance along a direction of singular value `s` (10.1), tolerances squared; `None` where the estimate does not weigh
+/// all data at once.
+pub fn variance(estimate: Estimate, s: f64) -> Option<Variance> {
+    match estimate {
+        Estimate::Decoupled { .. } => None,
+        _ => Some(direction(s, weight(estimate, s)?).0),
     }
 }
 

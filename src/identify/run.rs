@@ -92,15 +92,21 @@ pub fn identify(
     identifier: &dyn Identifier,
     stop: &Stop,
 ) -> Result<Identification, IdentifyError> {
+    identify_from(drawn, samples, identifier, stop, &vec![0.0; drawn.component_count()])
+}
+
+/// The same, started from link deviations `from` (rad, m, six per link) of the drawing with its free ends registered.
+pub fn identify_from(
+    drawn: &Mechanism,
+    samples: &[Sample],
+    identifier: &dyn Identifier,
+    stop: &Stop,
+    from: &[f64],
+) -> Result<Identification, IdentifyError> {
     if samples.is_empty() {
         return Err(IdentifyError::NoSamples);
     }
-    let free = FreeEnds::of(drawn);
-    let unknown = drawn.instrument.iter().any(|constant| constant.prior == Prior::Free);
-    let start = match free {
-        FreeEnds { base: false, tool: false } if !unknown => drawn.clone(),
-        _ => registered(drawn, samples, free).ok_or(IdentifyError::Unregistered)?,
-    };
+    let start = placed(drawn, samples).ok_or(IdentifyError::Unregistered)?;
     let weighted: Vec<Sample>;
     let samples_in_form = match identifier.form() {
         Form::Plain => {
@@ -110,7 +116,7 @@ pub fn identify(
         }
         Form::Minimal | Form::Complete => samples,
     };
-    let mut at = vec![0.0; start.component_count()];
+    let mut at = from.to_vec();
     let mut problem = Calibration::new(&start, samples_in_form, identifier.form(), &at);
     if problem.params().is_empty() {
         return Err(IdentifyError::AllHeld);
@@ -130,7 +136,7 @@ pub fn identify(
     if problem.sample_count() == 0 {
         problem.take_back(samples_in_form, &at, 0.0);
     }
-    let mut x = vec![0.0; problem.params().len()];
+    let mut x = problem.coordinates().nearest(&at);
     let mut trace = Vec::new();
     let mut report;
     let mut round = 0;
@@ -183,6 +189,17 @@ pub fn identify(
         trace,
         set_aside_at_start,
     })
+}
+
+/// The drawing with its free ends, and what is unknown of the instrument, placed by the samples; `None` where these do
+/// not place them.
+pub fn placed(drawn: &Mechanism, samples: &[Sample]) -> Option<Mechanism> {
+    let free = FreeEnds::of(drawn);
+    let unknown = drawn.instrument.iter().any(|constant| constant.prior == Prior::Free);
+    match free {
+        FreeEnds { base: false, tool: false } if !unknown => Some(drawn.clone()),
+        _ => registered(drawn, samples, free),
+    }
 }
 
 /// Postures whose wrench matrix is close to losing rank, and those with another sign of its determinant than home.

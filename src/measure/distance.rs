@@ -71,6 +71,6 @@ impl Measurement for Distance {
     }
 
     fn reweighted(&self, weights: Weights) -> Arc<dyn Measurement> {
-        Arc::new(Self { sigma: weights.sigma(false), ..self.clone() })
+        Arc::new(Self { sigma: weights.sigma(false, self.sigma), ..self.clone() })
     }
 }

@@ -126,13 +126,16 @@ pub enum Weights {
         /// Of each length, m.
         length: f64,
     },
+    /// The present ones, for noise of so many times the size.
+    Scaled(f64),
 }
 
 impl Weights {
-    /// Standard deviation of a reading that is an angle, or a length (rad, m).
-    pub(super) fn sigma(self, angular: bool) -> f64 {
+    /// Standard deviation (rad, m) of a reading that is an angle, or a length, and has `present` so far.
+    pub(super) fn sigma(self, angular: bool, present: f64) -> f64 {
         match self {
             Weights::Unit | Weights::SpatialTwist => 1.0,
+            Weights::Scaled(factor) => factor * present,
             Weights::Isotropic { angle, length } => {
                 if angular {
                     angle

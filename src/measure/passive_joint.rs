@@ -98,7 +98,8 @@ impl Measurement for PassiveJoints {
     }
 
     fn reweighted(&self, weights: Weights) -> Arc<dyn Measurement> {
-        let read = self.read.iter().map(|(joint, value, _)| (*joint, *value, weights.sigma(joint.angular)));
+        let weigh = |present: f64, joint: &SensedJoint| weights.sigma(joint.angular, present);
+        let read = self.read.iter().map(|(joint, value, sigma)| (*joint, *value, weigh(*sigma, joint)));
         Arc::new(Self { read: read.collect() })
     }
 }

@@ -74,6 +74,6 @@ impl Measurement for Touch {
     }
 
     fn reweighted(&self, weights: Weights) -> Arc<dyn Measurement> {
-        Arc::new(Self { sigma: weights.sigma(false), ..self.clone() })
+        Arc::new(Self { sigma: weights.sigma(false, self.sigma), ..self.clone() })
     }
 }

@@ -49,6 +49,11 @@ impl Weighting {
         Self((0..6).filter(|&i| seen[i]).map(row).collect())
     }
 
+    /// For noise of so many times the size.
+    pub(super) fn scaled(&self, factor: f64) -> Self {
+        Self(self.0.iter().map(|row| row.map(|v| v / factor)).collect())
+    }
+
     /// The rows.
     pub(super) fn rows(&self) -> &[[f64; 6]] {
         &self.0
@@ -160,6 +165,7 @@ impl Measurement for Pose {
             Weights::Unit => Weighting::isotropic(self.seen, 1.0, 1.0),
             Weights::Isotropic { angle, length } => Weighting::isotropic(self.seen, angle, length),
             Weights::SpatialTwist => Weighting::spatial_twist(&self.measured, self.seen),
+            Weights::Scaled(factor) => self.weighting.scaled(factor),
         };
         Arc::new(Self { weighting, ..self.clone() })
     }

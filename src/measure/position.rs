@@ -79,8 +79,10 @@ impl Measurement for Position {
     }
 
     fn reweighted(&self, weights: Weights) -> Arc<dyn Measurement> {
-        let sigma = weights.sigma(false);
-        let weighting = Weighting::isotropic(Self::components(self.seen), 1.0, sigma);
+        let weighting = match weights {
+            Weights::Scaled(factor) => self.weighting.scaled(factor),
+            _ => Weighting::isotropic(Self::components(self.seen), 1.0, weights.sigma(false, 1.0)),
+        };
         Arc::new(Self { weighting, ..self.clone() })
     }
 }

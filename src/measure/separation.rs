@@ -83,6 +83,6 @@ impl Measurement for Separation {
     }
 
     fn reweighted(&self, weights: Weights) -> Arc<dyn Measurement> {
-        Arc::new(Self { sigma: weights.sigma(false), ..self.clone() })
+        Arc::new(Self { sigma: weights.sigma(false, self.sigma), ..self.clone() })
     }
 }

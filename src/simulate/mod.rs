@@ -2,7 +2,7 @@
 
 pub mod readings;
 
-pub use readings::{SimulatedSet, read, simulate_sets};
+pub use readings::{SimulatedSet, read, simulate_sets, simulate_sets_truth};
 
 use crate::lie::{Se3, so3};
 use crate::model::inverse::close_from_home;
@@ -170,8 +170,19 @@ pub fn simulate(
     covariance: &Matrix6<f64>,
     plan: &Plan,
 ) -> Result<Simulated, SimulateError> {
-    let root = covariance.cholesky().ok_or(SimulateError::Noise)?.l();
     let truth = mechanism.deviated(&draw_deviations(mechanism, plan.seed, plan.distance));
+    simulate_truth(mechanism, truth, covariance, plan)
+}
+
+/// Measures a given true machine with noise of the covariance (rotation first, rad and m); `plan.distance` is not
+/// looked at.
+pub fn simulate_truth(
+    mechanism: &Mechanism,
+    truth: Geometry,
+    covariance: &Matrix6<f64>,
+    plan: &Plan,
+) -> Result<Simulated, SimulateError> {
+    let root = covariance.cholesky().ok_or(SimulateError::Noise)?.l();
     let nominal = mechanism.nominal();
     let postures = draw_postures(mechanism, &[&nominal, &truth], plan.poses + plan.holdout, plan.seed)?;
     let mut rng = stream(plan.seed, 2);

@@ -57,6 +57,18 @@ pub fn simulate_sets(
     plan: &Plan,
 ) -> Result<(Geometry, Vec<SimulatedSet>), SimulateError> {
     let truth = mechanism.deviated(&draw_deviations(mechanism, plan.seed, plan.distance));
+    let sets = simulate_sets_truth(mechanism, &truth, blanks, counts, plan)?;
+    Ok((truth, sets))
+}
+
+/// Measures a given true machine, set by set as [`simulate_sets`] does; `plan.distance` is not looked at.
+pub fn simulate_sets_truth(
+    mechanism: &Mechanism,
+    truth: &Geometry,
+    blanks: &[Vec<Arc<dyn Measurement>>],
+    counts: &[usize],
+    plan: &Plan,
+) -> Result<Vec<SimulatedSet>, SimulateError> {
     let nominal = mechanism.nominal();
     let postures_of = |blank: &Arc<dyn Measurement>| match (blank.second().is_some(), blank.is_contact()) {
         (true, _) => 2,
@@ -68,7 +80,7 @@ pub fn simulate_sets(
         .zip(counts)
         .map(|(blanks, count)| (count + plan.holdout) * blanks.iter().map(postures_of).max().unwrap_or(0))
         .sum();
-    let mut pool = draw_postures(mechanism, &[&nominal, &truth], wanted, plan.seed)?.into_iter();
+    let mut pool = draw_postures(mechanism, &[&nominal, truth], wanted, plan.seed)?.into_iter();
     let mut rng = stream(plan.seed, 2);
     let mut sets = Vec::with_capacity(blanks.len());
     for (blanks, count) in blanks.iter().zip(counts) {
@@ -82,20 +94,20 @@ pub fn simulate_sets(
             let short = SimulateError::Contact { found: k, wanted: count + plan.holdout };
             let reading = if blank.is_contact() {
                 let aim = normal();
-                let touching = pool.by_ref().find_map(|from| touch(mechanism, &truth, &**blank, from, aim));
+                let touching = pool.by_ref().find_map(|from| touch(mechanism, truth, &**blank, from, aim));
                 (touching.ok_or(short)?, blank.clone())
             } else {
                 let actuators = pool.next().ok_or(short.clone())?;
                 let second = if blank.second().is_some() { pool.next().ok_or(short)? } else { Vec::new() };
                 let last = |last| SimulateError::Workspace { found: k, wanted: count + plan.holdout, last };
-                let exact = read(mechanism, &truth, &**blank, &actuators, &second).map_err(last)?;
+                let exact = read(mechanism, truth, &**blank, &actuators, &second).map_err(last)?;
                 (actuators, if noise > 0.0 { exact.perturbed(&mut normal) } else { exact })
             };
             if k < *count { set.samples.push(reading) } else { set.holdout.push(reading) }
         }
         sets.push(set);
     }
-    Ok((truth, sets))
+    Ok(sets)
 }
 
 /// Leads the machine from a posture to where the residual is `aim` (standard deviations), by the shortest way in parts

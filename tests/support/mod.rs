@@ -23,7 +23,8 @@ pub fn golden(case: &str, name: &str) -> PathBuf {
 /// The drawings of problems/ that bring their own data, by name.
 pub fn problems() -> Vec<PathBuf> {
     let entries = std::fs::read_dir(file("problems")).unwrap().map(|entry| entry.unwrap().path());
-    let mut paths: Vec<PathBuf> = entries.filter(|path| path.is_file()).collect();
+    let is_problem = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "json");
+    let mut paths: Vec<PathBuf> = entries.filter(is_problem).collect();
     paths.sort();
     assert!(paths.len() >= 20);
     paths

@@ -1,0 +1,101 @@
+//! What came out, in one paragraph and two tables.
+
+use super::study::Study;
+use crate::files::ResultFile;
+use crate::files::summary::PoseErrors;
+use crate::render::text::digits;
+use crate::render::{Cell, Part, Section, Table};
+
+/// The first paragraph of the page.
+pub(super) fn intro(result: &ResultFile) -> String {
+    let outcome = if result.converged { "" } else { "The identifier did not converge. " };
+    let mut text = format!("{outcome}Stopped after {} iterations: {}.", result.iterations, result.reason);
+    let change = result.holdout.or(result.fit).map(|fit| (fit.before.position_rms, fit.after.position_rms));
+    if let Some((Some(before), Some(after))) = change {
+        let which = if result.holdout.is_some() { "on poses that took no part" } else { "on the poses used" };
+        text.push_str(&format!(
+            " The position error {which} went from {} to {} {} (root mean square).",
+            digits(before, 3),
+            digits(after, 3),
+            result.units.length_symbol()
+        ));
+    }
+    text
+}
+
+/// Tables of the outcome and of the errors, and what deserves attention.
+pub(super) fn section(result: &ResultFile, study: &Result<Study, String>) -> Section {
+    let mut section =
+        Section::new("Summary").with(Part::Table(errors(result))).with(Part::Table(outcome(result, study)));
+    if matches!(study, Ok(study) if !study.reproduced) {
+        section.parts.push(Part::Text(
+            "Attention: the problem file no longer gives the errors that the result states. It has changed since; \
+             what is drawn below from residuals and covariances belongs to the file as it is now."
+                .into(),
+        ));
+    }
+    section.parts.extend(result.warnings.iter().map(|warning| Part::Text(format!("Attention: {warning}."))));
+    section
+}
+
+fn outcome(result: &ResultFile, study: &Result<Study, String>) -> Table {
+    let mut table = Table::new("outcome", "Outcome.", &["what", "value"]);
+    let mut row = |what: &str, value: String| table.push(vec![Cell::text(what), Cell::text(value)]);
+    row("problem", result.problem.clone());
+    row("identifier", result.solver.clone());
+    for (key, value) in &result.settings {
+        row(&format!("setting {key}"), value.clone());
+    }
+    row("converged", if result.converged { "yes" } else { "no" }.into());
+    row("reason", result.reason.clone());
+    row("iterations", result.iterations.to_string());
+    if let Ok(study) = study {
+        let rows: usize = study.training.iter().map(|sample| sample.measurement.rows()).sum();
+        row("postures and readings", format!("{} and {rows}", study.training.len()));
+    }
+    row("postures set aside", result.set_aside.len().to_string());
+    row("parameters, structural", result.counts.structural.to_string());
+    row("parameters, first order", result.counts.first_order.to_string());
+    row("parameters, practical", result.counts.practical.to_string());
+    if let Some(chi) = &result.chi_square {
+        let freedom = digits(chi.degrees_of_freedom, 4);
+        row("chi-square and degrees of freedom", format!("{} and {freedom}", digits(chi.value, 4)));
+        if let Some(verdict) = &chi.verdict {
+            row("residual", verdict.clone());
+        }
+    }
+    if let Some(kkt) = result.kkt {
+        row("KKT residual", digits(kkt, 3));
+    }
+    for bound in &result.active_bounds {
+        row("active bound", format!("{} at {} tolerances", bound.name, digits(bound.limit, 3)));
+    }
+    table
+}
+
+fn errors(result: &ResultFile) -> Table {
+    let (length, angle) = (result.units.length_symbol(), result.units.angle_symbol());
+    let columns = [
+        "poses".to_owned(),
+        "machine".into(),
+        format!("#position rms / {length}"),
+        format!("#position max / {length}"),
+        format!("#rotation rms / {angle}"),
+        format!("#rotation max / {angle}"),
+        "#in noise".into(),
+    ];
+    let mut table = Table::new("errors", "Prediction errors.", &columns.each_ref().map(String::as_str))
+        .captioned("Predicted against measured poses; in noise is the root mean square in stated standard deviations.");
+    let shown = |v: Option<f64>| v.map_or_else(Cell::none, |v| Cell::number(v, 4));
+    let mut row = |poses: &str, machine: &str, e: PoseErrors| {
+        let numbers = [e.position_rms, e.position_max, e.rotation_rms, e.rotation_max, e.weighted_rms];
+        table.push([Cell::text(poses), Cell::text(machine)].into_iter().chain(numbers.map(shown)).collect());
+    };
+    for (poses, fit) in [("used", result.fit), ("held out", result.holdout)] {
+        if let Some(fit) = fit {
+            row(poses, "as drawn", fit.before);
+            row(poses, "identified", fit.after);
+        }
+    }
+    table
+}

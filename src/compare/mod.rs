@@ -1,0 +1,21 @@
+//! Identifiers side by side: campaigns of runs on problems, scored by the problem.
+
+pub mod bound;
+pub mod campaign;
+pub mod draw;
+pub mod execute;
+pub mod figures;
+pub mod gauge;
+pub mod line;
+pub mod machine;
+pub mod offset;
+pub mod profile;
+pub mod publish;
+pub mod run;
+pub mod score;
+pub mod statistics;
+pub mod store;
+pub mod study;
+pub mod tables;
+pub mod tolerance;
+pub mod watch;

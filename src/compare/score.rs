@@ -1,0 +1,152 @@
+//! Scores of a result, by the problem: whatever the identifier says of itself plays no part.
+
+use super::bound::Bound;
+use super::draw::Drawn;
+use super::gauge::representative;
+use super::line::{Consistency, Parameters, Prediction, Score, Verified};
+use super::offset::relative_offset;
+use super::tolerance::Tolerance;
+use crate::calibration::Sample;
+use crate::identify::covariance::variance;
+use crate::identify::score::score;
+use crate::identify::{Fit, Identification};
+use crate::linalg;
+use crate::model::{Geometry, Mechanism};
+use crate::problem::Form;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Cost `|r|^2 / 2` of the geometry over all samples; `None` where some do not close.
+pub fn cost(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Option<f64> {
+    let fit = score(mechanism, geometry, samples).filter(|fit| fit.samples == samples.len())?;
+    let rows: usize = samples.iter().map(|sample| sample.measurement.rows()).sum();
+    finite(0.5 * fit.weighted_rms.powi(2) * rows as f64)
+}
+
+/// What can be said before anything is identified.
+pub fn before(drawn: &Drawn, bound: Option<&Bound>) -> Score {
+    let nominal = drawn.start.nominal();
+    let of = |geometry: &Geometry| cost(&drawn.start, geometry, &drawn.samples);
+    Score {
+        truth: drawn.truth.is_some(),
+        samples: drawn.samples.len(),
+        cost_nominal: of(&nominal),
+        cost_truth: drawn.truth.as_ref().and_then(of),
+        prior_truth: bound.map(|b| 0.5 * b.truth.iter().map(|z| z * z).sum::<f64>()),
+        before: prediction(score(&drawn.start, &nominal, &drawn.holdout)),
+        bound: bound.and_then(|bound| bound.holdout),
+        ..Score::default()
+    }
+}
+
+/// Adds to `before` what came of an identification in coordinates of the given form.
+pub fn after(
+    before: &Score,
+    drawn: &Drawn,
+    bound: Option<&Bound>,
+    found: &Identification,
+    form: Form,
+) -> Score {
+    let after = prediction(score(&found.start, &found.geometry, &drawn.holdout));
+    let ratio = match (after.in_noise, before.bound.and_then(|b| b.in_noise)) {
+        (Some(error), Some(bound)) if bound > 0.0 => finite(error / bound),
+        _ => None,
+    };
+    let error = bound.map(|bound| {
+        let found = representative(&found.start, &found.geometry);
+        found.iter().zip(&bound.truth).map(|(z, truth)| z - truth).collect::<Vec<f64>>()
+    });
+    Score {
+        set_aside: found.set_aside.len(),
+        cost: cost(&found.start, &found.geometry, &drawn.samples),
+        offset: relative_offset(found, &drawn.samples, form),
+        after,
+        ratio,
+        parameters: bound.zip(error.as_ref()).and_then(|(bound, error)| parameters(bound, error)),
+        consistency: error.as_ref().and_then(|error| consistency(found, error)),
+        ..before.clone()
+    }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+fn prediction(fit: Option<Fit>) -> Prediction {
+    let Some(fit) = fit else { return Prediction::default() };
+    Prediction {
+        position: fit.position.and_then(|s| finite(s.rms)),
+        position_max: fit.position.and_then(|s| finite(s.max)),
+        rotation: fit.rotation.and_then(|s| finite(s.rms)),
+        rotation_max: fit.rotation.and_then(|s| finite(s.max)),
+        in_noise: finite(fit.weighted_rms),
+        poses: fit.samples,
+    }
+}
+
+/// Error along the directions of which the postures know more than the tolerance at the truth.
+fn parameters(bound: &Bound, error: &[f64]) -> Option<Parameters> {
+    let along = linalg::mul_transpose(bound.directions.as_ref(), error);
+    let known = bound.singular_values.iter().zip(&along).filter(|(s, _)| **s > 1.0);
+    let (mut count, mut square, mut least) = (0, 0.0, 0.0);
+    for (s, error) in known {
+        count += 1;
+        square += error * error;
+        least += 1.0 / (1.0 + s * s);
+    }
+    let rms = |sum: f64| finite((sum / f64::from(count)).sqrt());
+    Some(Parameters { count: count as usize, rms: rms(square)?, bound: rms(least)? })
+}
+
+/// Error in units of the covariance that the result states, along all directions.
+fn consistency(found: &Identification, error: &[f64]) -> Option<Consistency> {
+    let seen = found.visibility.as_ref()?;
+    let along = linalg::mul_transpose(seen.directions.as_ref(), error);
+    let mut nees = 0.0;
+    for (s, error) in seen.singular_values.iter().zip(&along) {
+        nees += error * error / variance(found.report.estimate, *s)?.total;
+    }
+    let freedom = along.len();
+    let probability = ChiSquared::new(freedom as f64).ok()?.cdf(nees);
+    Some(Consistency { nees: finite(nees)?, freedom, probability: finite(probability)? })
+}
+
+/// Holds the score against the tolerance.
+pub fn verify(score: &Score, tolerance: &Tolerance) -> Verified {
+    let mut reasons = Vec::new();
+    let mut check = |passes: Option<bool>, why: &dyn Fn() -> String| {
+        if passes == Some(false) {
+            reasons.push(why());
+        }
+        passes
+    };
+    let shown = |value: Option<f64>| value.map_or_else(|| "none".into(), |v| format!("{v:.3e}"));
+    let stationary = check(score.offset.map(|offset| offset <= tolerance.offset), &|| {
+        format!("relative offset {} above {:e}", shown(score.offset), tolerance.offset)
+    });
+    // A minimiser is no worse than the truth, nor than where it came from.
+    let least = match (score.cost_truth, score.prior_truth) {
+        (Some(cost), Some(prior)) => Some(cost + prior),
+        _ => score.cost_nominal,
+    };
+    let within = |limit: f64| score.cost.is_some_and(|cost| cost <= limit * (1.0 + tolerance.cost));
+    let cost = check(least.map(within), &|| format!("cost {} above {}", shown(score.cost), shown(least)));
+    let predicted = score.after.poses > 0 && score.after.poses >= score.before.poses;
+    let prediction = match (score.bound, score.before.in_noise) {
+        (Some(_), _) => Some(predicted && score.ratio.is_some_and(|ratio| ratio <= tolerance.prediction)),
+        (None, Some(before)) => Some(predicted && score.after.in_noise.is_some_and(|after| after <= before)),
+        (None, None) => None,
+    };
+    let prediction = check(prediction, &|| match (predicted, score.ratio) {
+        (false, _) => format!("{} of the hold-out poses close", score.after.poses),
+        (true, Some(ratio)) => format!("hold-out error {ratio:.2} times the bound"),
+        (true, None) => format!("hold-out error {} in noise", shown(score.after.in_noise)),
+    });
+    let known = stationary.is_some() || cost.is_some() || prediction.is_some();
+    Verified {
+        success: known && reasons.is_empty(),
+        stationary,
+        cost,
+        prediction,
+        reason: reasons.join("; "),
+    }
+}
