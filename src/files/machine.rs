@@ -46,7 +46,8 @@ impl Stated {
 
     /// Refuses bounds stated at `at` for links that are held there or, where nothing is stated, by `general`.
     fn check_held(self, general: Self, prefix: &str, at: &Place<'_>) -> Result<Self, FileError> {
-        if self.bounds.is_some() && self.tolerance.or(general.tolerance).is_some_and(is_held) {
+        let held = |t: Tolerance| t.angle == Prior::Held && t.length == Prior::Held;
+        if self.bounds.is_some() && self.tolerance.or(general.tolerance).is_some_and(held) {
             return Err(at.key(&format!("{prefix}bounds")).error(Fault::BoundsOnHeld));
         }
         Ok(self)
@@ -55,10 +56,6 @@ impl Stated {
     fn or(self, general: Self) -> Self {
         Self { tolerance: self.tolerance.or(general.tolerance), bounds: self.bounds.or(general.bounds) }
     }
-}
-
-fn is_held(tolerance: Tolerance) -> bool {
-    tolerance.angle == Prior::Held && tolerance.length == Prior::Held
 }
 
 /// What the mechanism states for all of its limbs.
@@ -179,8 +176,7 @@ impl Chain<'_> {
             name,
             nominal: self.at.inverse() * *to,
             tolerance: stated.tolerance.unwrap_or(held),
-            // What is held has nothing that general bounds could limit.
-            bounds: stated.bounds.filter(|_| !stated.tolerance.is_some_and(is_held)),
+            bounds: stated.bounds,
         });
         self.at = *to;
     }

@@ -6,7 +6,7 @@ use super::tolerance::{BoundsDrawing, ToleranceDrawing};
 use super::units::Units;
 use super::values::{OneOrEach, RangeDrawing, RangeEntry};
 use crate::lie::Se3;
-use crate::model::{Geometry, Joint, Link, Mechanism, Motion};
+use crate::model::{Geometry, Joint, Limb, Link, Mechanism, Motion, Prior};
 use std::f64::consts::TAU;
 
 /// Draws the machine with the links of `geometry`: equivalent joints as lines in {S} at home, each limb with
@@ -30,8 +30,8 @@ pub fn redraw(mechanism: &Mechanism, geometry: &Geometry, units: Units) -> Mecha
             tool: last.map(|(g, _)| PoseDrawing::of(&(at * *g), units)),
             tolerance: None,
             tool_tolerance: last.map(|(_, link)| ToleranceDrawing::of(&link.tolerance, units)),
-            bounds: None,
-            tool_bounds: last.and_then(|(_, link)| link.bounds).map(|b| BoundsDrawing::of(b, units)),
+            bounds: held_bounds(limb, units),
+            tool_bounds: last.filter(|(_, link)| !is_held(link)).and_then(|(_, link)| bounds_of(link, units)),
             joints,
         });
     }
@@ -43,6 +43,21 @@ pub fn redraw(mechanism: &Mechanism, geometry: &Geometry, units: Units) -> Mecha
         tool_bounds: None,
         limbs,
     }
+}
+
+/// Bounds of held links, which only a general statement can give; left out where it would limit others that have none.
+fn held_bounds(limb: &Limb, units: Units) -> Option<BoundsDrawing> {
+    let harmless = limb.links.iter().all(|link| is_held(link) || link.bounds.is_some());
+    let mut held = limb.links.iter().filter(|link| harmless && is_held(link));
+    held.find_map(|link| bounds_of(link, units))
+}
+
+fn is_held(link: &Link) -> bool {
+    link.tolerance.angle == Prior::Held && link.tolerance.length == Prior::Held
+}
+
+fn bounds_of(link: &Link, units: Units) -> Option<BoundsDrawing> {
+    link.bounds.map(|bounds| BoundsDrawing::of(bounds, units))
 }
 
 fn joint_drawing(joint: &Joint, frame: &Se3, link: &Link, units: Units) -> JointDrawing {
@@ -67,7 +82,7 @@ fn joint_drawing(joint: &Joint, frame: &Se3, link: &Link, units: Units) -> Joint
         }),
         tolerance: Some(ToleranceDrawing::of(&link.tolerance, units)),
         inner_tolerance: None,
-        bounds: link.bounds.map(|b| BoundsDrawing::of(b, units)),
+        bounds: bounds_of(link, units).filter(|_| !is_held(link)),
         inner_bounds: None,
     }
 }
