@@ -17,7 +17,7 @@ pub(super) fn digits(value: f64) -> String {
     format!("{value:.*}", usize::try_from(3 - before).unwrap_or(0))
 }
 
-/// Errors of what is neither a position nor a rotation, a line each, before and after.
+/// Errors of what is neither a position nor a rotation, a line each: before and after, and of what was left out.
 pub(super) fn other_errors(of: &Summary<'_>) -> String {
     type Part = fn(&Fit) -> Option<Spread>;
     let units = of.problem.units;
@@ -30,19 +30,27 @@ pub(super) fn other_errors(of: &Summary<'_>) -> String {
     ];
     let mut text = String::new();
     for (name, part, angular) in parts {
+        let shown = |v: f64| digits(if angular { units.from_radians(v) } else { units.from_metres(v) });
+        let unit = if angular { angle } else { length };
         for (set, (before, after)) in [("training", of.found.fit), ("hold-out", of.holdout)] {
             let (Some(before), Some(after)) = (before.as_ref().and_then(part), after.as_ref().and_then(part))
             else {
                 continue;
             };
-            let shown = |v: f64| digits(if angular { units.from_radians(v) } else { units.from_metres(v) });
             text.push_str(&format!(
-                "{name:13} {set:9} rms {} -> {}, max {} -> {} {}\n",
+                "{name:13} {set:9} rms {} -> {}, max {} -> {} {unit}\n",
                 shown(before.rms),
                 shown(after.rms),
                 shown(before.max),
                 shown(after.max),
-                if angular { angle } else { length }
+            ));
+        }
+        if let Some(left) = of.cross_validation.and_then(|cross| part(&cross.fit)) {
+            text.push_str(&format!(
+                "{name:13} {:9} rms {}, max {} {unit}\n",
+                "left out",
+                shown(left.rms),
+                shown(left.max)
             ));
         }
     }
