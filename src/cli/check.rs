@@ -43,7 +43,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let data = readings(&problem);
     let mut suspicious = false;
     if data.is_empty() {
-        text.push_str("\nno measured positions or poses to compare with\n");
+        text.push_str("\nno measured pose or position of the tool point itself to compare with\n");
     } else {
         actuators(&problem, &data, &mut text);
         suspicious |= noise(&problem, &data, &mut text);

@@ -19,7 +19,7 @@ pub(super) fn digits(value: f64) -> String {
     format!("{value:.*}", usize::try_from(3 - before).unwrap_or(0))
 }
 
-/// Errors of what is neither a position nor a rotation, a line each, before and after.
+/// Errors of what is neither a position nor a rotation, a line each: before and after, and of what was left out.
 pub(super) fn other_errors(of: &Summary<'_>) -> String {
     type Part = fn(&Fit) -> Option<Spread>;
     let units = of.problem.units;
@@ -32,6 +32,8 @@ pub(super) fn other_errors(of: &Summary<'_>) -> String {
     ];
     let mut text = String::new();
     for (name, part, angular) in parts {
+        let shown = |v: f64| digits(if angular { units.from_radians(v) } else { units.from_metres(v) });
+        let unit = if angular { angle } else { length };
         for (set, (before, after)) in
             [("training", of.reached(of.found.fit)), ("hold-out", of.reached(of.holdout))]
         {
@@ -39,14 +41,20 @@ pub(super) fn other_errors(of: &Summary<'_>) -> String {
             else {
                 continue;
             };
-            let shown = |v: f64| digits(if angular { units.from_radians(v) } else { units.from_metres(v) });
             text.push_str(&format!(
-                "{name:13} {set:9} rms {} -> {}, max {} -> {} {}\n",
+                "{name:13} {set:9} rms {} -> {}, max {} -> {} {unit}\n",
                 shown(before.rms),
                 shown(after.rms),
                 shown(before.max),
                 shown(after.max),
-                if angular { angle } else { length }
+            ));
+        }
+        if let Some(left) = of.cross_validation.and_then(|cross| part(&cross.fit)) {
+            text.push_str(&format!(
+                "{name:13} {:9} rms {}, max {} {unit}\n",
+                "left out",
+                shown(left.rms),
+                shown(left.max)
             ));
         }
     }
