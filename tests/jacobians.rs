@@ -178,8 +178,7 @@ fn of_measurements() {
         let evaluate = |tool: &Se3| {
             let mut out = Evaluation::default();
             pose.evaluate(&View::of_tool(tool), &mut out);
-            let rows = out.rows;
-            rows
+            out.rows
         };
         let rows = evaluate(&tool);
         let largest = rows.iter().flat_map(|row| row.by_tool).fold(0.0_f64, |m, v| m.max(v.abs()));
