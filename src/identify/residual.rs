@@ -4,6 +4,7 @@ use crate::calibration::{Postures, Sample};
 use crate::linalg;
 use crate::measure::Evaluation;
 use crate::model::{Geometry, Mechanism};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Standard deviations of chi-square beyond which the stated noise does not explain it.
 const REMARKABLE: f64 = 3.0;
@@ -80,7 +81,7 @@ impl ChiSquareTest {
                 Verdict::Understated
             }
         };
-        let probability = 0.5 * libm::erfc(deviation / std::f64::consts::SQRT_2);
+        let probability = ChiSquared::new(degrees_of_freedom).ok()?.sf(value);
         Some(Self { value, degrees_of_freedom, deviation, probability, neighbours, verdict })
     }
 

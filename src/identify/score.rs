@@ -4,9 +4,10 @@ use crate::calibration::{Postures, Sample, SetAside};
 use crate::measure::{Errors, Evaluation};
 use crate::model::{Geometry, Mechanism};
 use rayon::prelude::*;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Whitened residual, in units of noise and of the median posture's, above which a posture stands out.
-const OUTLYING: f64 = 5.0;
+/// Probability with which any posture at all is called an outlier where there is none.
+pub const FALSE_ALARM: f64 = 0.01;
 
 /// Size of a set of errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,21 +59,42 @@ pub struct Outlier {
     pub name: String,
     /// Root mean square of its whitened residuals.
     pub weighted_rms: f64,
+    /// Probability that noise alone makes a residual as large as this.
+    pub probability: f64,
 }
 
-/// Postures whose whitened residual is above 5, and above 5 times the median one: worst first.
+/// Postures whose residual noise does not explain, worst first: chi-square tests of each posture, corrected for their
+/// number (Holm, *Scand. J. Statistics* 6, 1979), at [`FALSE_ALARM`] for all of them together.
+///
+/// Where the median posture is worse than the stated noise makes it, its excess counts as noise: a model that misses
+/// everywhere by a little has no outliers.
 pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Vec<Outlier> {
-    let mut found: Vec<Outlier> = samples
+    let mut tested: Vec<(Outlier, ChiSquared)> = samples
         .par_iter()
         .filter_map(|sample| {
             let fit = score(mechanism, geometry, std::slice::from_ref(sample))?;
-            Some(Outlier { name: sample.name.clone(), weighted_rms: fit.weighted_rms })
+            let name = sample.name.clone();
+            let outlier = Outlier { name, weighted_rms: fit.weighted_rms, probability: 1.0 };
+            Some((outlier, ChiSquared::new(sample.measurement.rows() as f64).ok()?))
         })
         .collect();
-    found.sort_by(|a, b| b.weighted_rms.total_cmp(&a.weighted_rms).then_with(|| a.name.cmp(&b.name)));
-    let median = found.get(found.len() / 2).map_or(0.0, |outlier| outlier.weighted_rms);
-    found.retain(|outlier| outlier.weighted_rms > OUTLYING * median.max(1.0));
-    found
+    let square = |outlier: &Outlier, law: &ChiSquared| outlier.weighted_rms.powi(2) * law.freedom();
+    let mut excess: Vec<f64> =
+        tested.iter().map(|(outlier, law)| square(outlier, law) / law.inverse_cdf(0.5)).collect();
+    excess.sort_by(f64::total_cmp);
+    let noise = excess.get(excess.len() / 2).map_or(1.0, |median| median.max(1.0));
+    for (outlier, law) in &mut tested {
+        outlier.probability = law.sf(square(outlier, law) / noise);
+    }
+    tested.sort_by(|(a, _), (b, _)| {
+        let worst = b.weighted_rms.total_cmp(&a.weighted_rms);
+        a.probability.total_cmp(&b.probability).then(worst).then_with(|| a.name.cmp(&b.name))
+    });
+    let count = tested.len();
+    let significant = |k: usize, p: f64| p <= FALSE_ALARM / (count - k) as f64;
+    let found =
+        tested.iter().enumerate().take_while(|(k, (outlier, _))| significant(*k, outlier.probability));
+    found.map(|(_, (outlier, _))| outlier.clone()).collect()
 }
 
 /// The samples whose loops do not close with the geometry, and why: those that [`score`] leaves out.

@@ -5,6 +5,7 @@ use super::study::Study;
 use crate::files::ResultFile;
 use crate::identify::residuals::Residual;
 use crate::render::{Axis, Cell, Figure, Kind, Part, ReferenceLine, Section, Series, Style, Table};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 /// An error that samples have, of one kind of measurement.
 #[derive(Clone, Copy)]
@@ -114,8 +115,9 @@ fn quantiles(after: &[&Residual]) -> Figure {
     let mut values: Vec<f64> = after.iter().flat_map(|r| r.rows.iter().copied()).collect();
     values.sort_by(f64::total_cmp);
     let count = values.len() as f64;
+    let normal = Normal::standard();
     let points: Vec<(f64, f64)> =
-        values.iter().enumerate().map(|(k, v)| (normal_quantile((k as f64 + 0.5) / count), *v)).collect();
+        values.iter().enumerate().map(|(k, v)| (normal.inverse_cdf((k as f64 + 0.5) / count), *v)).collect();
     let end = points.last().map_or(1.0, |p| p.0);
     Figure::new(
         "quantiles",
@@ -181,64 +183,4 @@ fn standing_out(study: &Study, scaled: &[(Measured, Scale)]) -> Table {
 
 fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / f64::max(values.len() as f64, 1.0)).sqrt()
-}
-
-/// Quantile of the standard normal distribution to 1e-9 relative, 0 < p < 1: P. J. Acklam's rational approximation
-/// (2003).
-fn normal_quantile(p: f64) -> f64 {
-    const A: [f64; 6] = [
-        -3.969683028665376e1,
-        2.209460984245205e2,
-        -2.759285104469687e2,
-        1.38357751867269e2,
-        -3.066479806614716e1,
-        2.506628277459239,
-    ];
-    const B: [f64; 6] = [
-        -5.447609879822406e1,
-        1.615858368580409e2,
-        -1.556989798598866e2,
-        6.680131188771972e1,
-        -1.328068155288572e1,
-        1.0,
-    ];
-    const C: [f64; 6] = [
-        -7.784894002430293e-3,
-        -3.223964580411365e-1,
-        -2.400758277161838,
-        -2.549732539343734,
-        4.374664141464968,
-        2.938163982698783,
-    ];
-    const D: [f64; 5] =
-        [7.784695709041462e-3, 3.224671290700398e-1, 2.445134137142996, 3.754408661907416, 1.0];
-    let horner = |c: &[f64], x: f64| c.iter().fold(0.0, |sum, c| sum * x + c);
-    if p > 0.5 {
-        return -normal_quantile(1.0 - p);
-    }
-    if p < 0.02425 {
-        let q = (-2.0 * p.ln()).sqrt();
-        return horner(&C, q) / horner(&D, q);
-    }
-    let q = p - 0.5;
-    q * horner(&A, q * q) / horner(&B, q * q)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::normal_quantile;
-
-    /// Against tabulated values.
-    #[test]
-    fn quantiles_are_those_of_the_tables() {
-        for (p, x) in [
-            (0.5, 0.0),
-            (0.975, 1.959963984540054),
-            (0.05, -1.6448536269514722),
-            (0.999, 3.090232306167813),
-            (1e-6, -4.753424308822899),
-        ] {
-            assert!((normal_quantile(p) - x).abs() < 5e-9, "{p}");
-        }
-    }
 }
