@@ -3,8 +3,12 @@
 use super::wording::listed;
 use crate::model::{Joint, Mechanism};
 
-/// Says on standard error which actuators stand outside their own range at home.
+/// Says on standard error which actuators of a closed-loop machine stand outside their own range at home, whence its
+/// postures are sought. A serial arm is drawn wherever its axes are easy to write down.
 pub fn warn_of_home(mechanism: &Mechanism) {
+    if mechanism.limbs.iter().all(|limb| limb.passive_count() == 0) {
+        return;
+    }
     let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
     let outside =
         |joint: &&Joint| joint.range.is_some_and(|(low, high)| joint.home < low || joint.home > high);
