@@ -6,7 +6,7 @@ use gough::files::{BenchmarkDrawing, DataPlaces, ProblemFile, read_problem};
 use gough::identify::{identify, score};
 use gough::solve::{Stop, registry};
 use rayon::prelude::*;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use support::{file, problems, write};
 
 fn stress() -> Vec<PathBuf> {
@@ -16,7 +16,7 @@ fn stress() -> Vec<PathBuf> {
     paths
 }
 
-fn read(path: &PathBuf) -> (ProblemFile, BenchmarkDrawing) {
+fn read(path: &Path) -> (ProblemFile, BenchmarkDrawing) {
     let places = DataPlaces { data_dir: None, shared: "no such folder".into() };
     let problem = read_problem(path, &places).unwrap_or_else(|why| panic!("{why}"));
     let benchmark = problem.drawing.benchmark.clone();

@@ -86,6 +86,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let found =
         with_spinner(format!("analysing {}", problem.name), || analyze(&mechanism, &samples, &deviations))
             .map_err(|why| CliError::Evaluate { file: problem.file.clone(), why })?;
+    let practical = &found.singular_values[..found.counts.practical.min(found.singular_values.len())];
     let report = Report {
         name: &problem.name,
         mechanism: &mechanism,
@@ -93,7 +94,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         what,
         point,
         found: &found,
-        observability: Observability::of(&found.singular_values, samples.len()),
+        observability: Observability::of(practical, found.postures.len()),
         notes: problem
             .data
             .kind_notes()
@@ -145,6 +146,9 @@ fn place(problem: &ProblemFile, args: &Args) -> Result<(Mechanism, Vec<f64>, Str
             joint.frame = truth.frame;
             joint.motion = truth.motion;
         }
+    }
+    for (constant, truth) in mechanism.instrument.iter_mut().zip(&truth.instrument) {
+        constant.nominal = truth.nominal;
     }
     Ok((mechanism, zero, "at the true machine".into()))
 }

@@ -4,6 +4,7 @@ use super::details::digits;
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
+use super::ranges::warn_unless_converged;
 use crate::files::{
     CommandedPose, Model, Output, PosesFormat, commands_text, read_model, read_wanted, readings,
 };
@@ -43,6 +44,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     output.check()?;
     let followed = followed(&args.free)?;
     let model = read_model(&args.model)?;
+    warn_unless_converged(&model);
     let (mechanism, geometry) = (&model.mechanism, model.mechanism.nominal());
     mobility::check(mechanism, &geometry)
         .map_err(|why| CliError::Mobility { file: model.file.clone(), why })?;

@@ -3,6 +3,7 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::import::ConventionName;
+use super::ranges::warn_unless_converged;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::{Model, Output, ResultFile, deviations_text, json, problem::parse_model, read_text};
 use crate::formats::{FormatError, Wrong, dh, urdf};
@@ -60,6 +61,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let file = args.model.display().to_string();
     let bytes = json::read(&args.model)?;
     let model = parse_model(&args.model, &bytes)?;
+    warn_unless_converged(&model);
     let text = match args.format {
         FormatName::Urdf => urdf_text(args, &model)?,
         FormatName::Dh => dh_text(args, &model, &file)?,

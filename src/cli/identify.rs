@@ -147,7 +147,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             }),
         ),
         noise,
-        test: found.chi_square_test(&weighed),
+        test: if noise.is_none() { found.chi_square_test(&weighed) } else { None },
         cross_validation,
         identifier: identifier.as_ref(),
         chosen,

@@ -86,6 +86,14 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     if args.add_to_measured {
         problem.require_samples()?;
     }
+    let known = matches!(problem.data.kind, Kind::Pose | Kind::Position);
+    if !known || !problem.data.sets.is_empty() || !mechanism.instrument.is_empty() {
+        return Err(CliError::Usage(format!(
+            "{}: plans are made for poses, and for positions of the tool point; other measurements and unknown \
+             constants of the instrument cannot be planned for",
+            problem.file
+        )));
+    }
     let rotation = problem.data.kind == Kind::Pose;
     let instrument = Instrument { seen: [rotation, rotation, rotation, true, true, true], covariance };
     let design = |why| CliError::Design { file: problem.file.clone(), why };

@@ -3,7 +3,7 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
-use super::ranges::out_of_range;
+use super::ranges::{out_of_range, warn_unless_converged};
 use super::wording::{counted, reason};
 use crate::files::{
     Model, Output, PosesFormat, poses_text, read_actuators, read_model, uncertain_poses_text,
@@ -42,6 +42,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let output = Output::named(args.output.as_deref());
     output.check()?;
     let model = read_model(&args.model)?;
+    warn_unless_converged(&model);
     let geometry = model.mechanism.nominal();
     mobility::check(&model.mechanism, &geometry)
         .map_err(|why| CliError::Mobility { file: model.file.clone(), why })?;
@@ -105,6 +106,7 @@ fn link_root(model: &Model) -> Result<LinkRoot, CliError> {
             model.file
         ))
     })?;
-    let root = Mat::from_fn(model.mechanism.component_count(), stated.root.len(), |i, j| stated.root[j][i]);
+    let root =
+        Mat::from_fn(model.mechanism.link_component_count(), stated.root.len(), |i, j| stated.root[j][i]);
     Ok(LinkRoot { root, prior_share: stated.prior_share.clone() })
 }

@@ -1,6 +1,7 @@
 //! Readings against the ranges that the drawing states.
 
 use super::wording::listed;
+use crate::files::Model;
 use crate::model::{Joint, Mechanism};
 
 /// Says on standard error which actuators of a closed-loop machine stand outside their own range at home, whence its
@@ -17,6 +18,16 @@ pub fn warn_of_home(mechanism: &Mechanism) {
     if !names.is_empty() {
         let names = listed(&names);
         eprintln!("warning: home lies outside the range of {names}: both are readings; is home stated?");
+    }
+}
+
+/// Says on standard error that a result is not of a run that converged.
+pub fn warn_unless_converged(model: &Model) {
+    if !model.converged {
+        eprintln!(
+            "warning: {}: the identification did not converge: this is no calibrated machine",
+            model.file
+        );
     }
 }
 

@@ -13,9 +13,6 @@ use crate::files::summary::{
 use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Variance};
 
-/// Signal-to-noise ratio of one tolerance below which a direction changes no pose that matters and is not written.
-const INVISIBLE: f64 = 1e-3;
-
 impl From<identify::Counts> for Counts {
     fn from(counts: identify::Counts) -> Self {
         let identify::Counts { structural, first_order, practical } = counts;
@@ -164,25 +161,15 @@ impl Summary<'_> {
         constants.collect()
     }
 
-    /// Square root of the links' covariance for the machine as it is drawn in the result, without directions that no
-    /// pose shows.
+    /// Square root of the links' covariance for the machine as it is drawn in the result: of all directions, since one
+    /// that these readings do not see may move the pose all the same.
     fn uncertainty(&self, drawing: &MechanismDrawing) -> Option<UncertaintyDrawing> {
         let (found, units) = (self.found, self.problem.units);
         let links = found.link_root()?;
         let redrawn = drawing.read(units, &Place::file("result")).ok()?.mechanism;
-        let singular_values = &found.visibility.as_ref()?.singular_values;
-        let by_direction = singular_values.len() == links.prior_share.len();
-        let written =
-            (0..links.prior_share.len()).filter(|&k| !by_direction || singular_values[k] > INVISIBLE);
-        let (mut root, mut prior_share) = (Vec::new(), Vec::new());
-        for k in written {
-            let direction: Vec<f64> = links.root.col(k).iter().copied().collect();
-            if !direction.iter().all(|v| v.is_finite()) {
-                return None;
-            }
-            root.push(direction);
-            prior_share.push(links.prior_share[k]);
-        }
-        Some(UncertaintyDrawing::of(&found.geometry, &redrawn, &root, &prior_share, units))
+        let root: Vec<Vec<f64>> =
+            links.root.col_iter().map(|column| column.iter().copied().collect()).collect();
+        let finite = root.iter().flatten().all(|v| v.is_finite());
+        finite.then(|| UncertaintyDrawing::of(&found.geometry, &redrawn, &root, &links.prior_share, units))
     }
 }

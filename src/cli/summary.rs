@@ -158,10 +158,10 @@ pub fn summary(of: &Summary<'_>) -> String {
             test.probability,
             test.sentence()
         )),
-        (Some(_), Some(_)) => text.push_str(
+        (_, Some(_)) => text.push_str(
             "\nresidual    it defines the noise here, so that there is nothing to test it against\n",
         ),
-        (None, _) => {}
+        (None, None) => {}
     }
     text.push_str(&other_errors(of));
     text.push_str(&instrument(of));

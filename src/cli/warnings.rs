@@ -81,7 +81,10 @@ impl Summary<'_> {
             let worst = found.outliers.iter().take(SHOWN);
             let names: Vec<String> =
                 worst.map(|o| format!("{} ({} times the noise)", o.name, digits(o.weighted_rms))).collect();
-            let (postures, verb) = (counted(names.len().max(found.outliers.len()), "posture"), "stand out");
+            let (postures, verb) = (
+                counted(found.outliers.len(), "posture"),
+                if found.outliers.len() == 1 { "stands out" } else { "stand out" },
+            );
             warnings.push(format!("{postures} {verb}: {}", names.join(", ")));
         }
         let bounded = found.start.limbs.iter().flat_map(|limb| &limb.links).any(|link| link.bounds.is_some());
@@ -131,6 +134,11 @@ impl Summary<'_> {
             && test.verdict != Verdict::Explained
         {
             warnings.push(test.sentence());
+            if test.verdict != Verdict::Overstated {
+                warnings.push(
+                    "standard errors suppose the stated noise: as things are they are too small".into(),
+                );
+            }
         }
         let mut active: Vec<&ActiveBound> = found.report.active.iter().collect();
         active.sort_by(|a, b| b.multiplier.total_cmp(&a.multiplier).then_with(|| a.name.cmp(&b.name)));

@@ -90,6 +90,8 @@ pub struct Model {
     pub columns: Option<ColumnsDrawing>,
     /// How well the machine of a result is known, where the result says it.
     pub uncertainty: Option<LinkUncertainty>,
+    /// Whether the identification that a result comes from converged; `true` for a problem.
+    pub converged: bool,
 }
 
 /// Folders where a data file may be, other than that of the problem file.
@@ -186,6 +188,7 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
     let file = path.display().to_string();
     let at = Place::file(&file);
     let head = Head::read(&file, bytes)?;
+    let mut converged = true;
     let (name, units, mechanism, columns, uncertainty) = match head.format() {
         Some(PROBLEM_FORMAT) => {
             let problem: ProblemDrawing = json::parse(&file, bytes)?;
@@ -194,6 +197,7 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
         }
         Some(RESULT_FORMAT) => {
             let result: ResultFile = json::parse(&file, bytes)?;
+            converged = result.converged;
             (result.problem, result.units, result.mechanism, None, result.uncertainty)
         }
         _ => return Err(head.wrong(&file, "gough-problem/1 or gough-result/1")),
@@ -202,7 +206,7 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
     let links = mechanism.component_count() / 6;
     let at_uncertainty = at.key("uncertainty");
     let uncertainty = uncertainty.map(|u| u.read(links, units, &at_uncertainty)).transpose()?;
-    Ok(Model { name, units, mechanism, columns, uncertainty, file: file.clone() })
+    Ok(Model { name, units, mechanism, columns, uncertainty, converged, file: file.clone() })
 }
 
 #[derive(Deserialize)]

@@ -123,7 +123,7 @@ pub(super) fn residual_without(
     let rest = samples.iter().enumerate().filter(|(i, _)| !fold.contains(i));
     let pairs: Vec<(&Geometry, &Sample)> = rest.map(|(_, sample)| (&geometry, sample)).collect();
     let rows: usize = pairs.iter().map(|(_, sample)| sample.measurement.rows()).sum();
-    let fit = score_each(&found.start, &pairs)?;
+    let fit = score_each(&found.start, &pairs).filter(|fit| fit.samples == pairs.len())?;
     Some((fit.weighted_rms.powi(2) * rows as f64, rows))
 }
 
@@ -138,6 +138,9 @@ struct Influence<'a> {
 
 impl<'a> Influence<'a> {
     fn new(found: &'a Identification, samples: &'a [Sample]) -> Result<Self, EvalError> {
+        if found.covariance.is_none() || matches!(found.report.estimate, Estimate::Decoupled { .. }) {
+            return Err(EvalError("the estimate is not linear in all readings at once".into()));
+        }
         let at = found.geometry.deviations_from(&found.start.nominal());
         let problem = Calibration::new(&found.start, samples, Form::Minimal, &at);
         if problem.sample_count() != samples.len() {

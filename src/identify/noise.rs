@@ -78,8 +78,11 @@ fn estimate(found: &Identification, samples: &[Sample]) -> Option<NoiseEstimate>
             *sum = (sum.0 + row.r * row.r, sum.1 + 1.0);
         }
     }
-    let (_, freedom) = found.chi_square()?;
-    let correction = (found.rows as f64 / freedom.max(1.0)).sqrt();
+    // Where linear theory does not say what was fitted, as with bounds, the practical count stands in.
+    let rows = found.rows as f64;
+    let fitted = || Some(rows - found.counts()?.practical as f64);
+    let freedom = found.chi_square().map(|(_, freedom)| freedom).or_else(fitted)?;
+    let correction = (rows / freedom.max(1.0)).sqrt();
     let sigma = |(square, count): (f64, f64), least: f64| {
         let sigma = (square / f64::max(count, 1.0)).sqrt() * correction;
         (count > 0.0 && sigma.is_finite()).then_some(sigma.max(least))

@@ -164,7 +164,8 @@ impl<'a> Residuals<'a> {
         let (mut product, mut square, mut spread) = (0.0, 0.0, 0.0);
         for (i, (sample, r)) in some.iter().enumerate() {
             let others = some.iter().enumerate().filter(|(j, (_, s))| *j != i && s.len() == r.len());
-            let nearest = others.min_by(|a, b| apart(sample, a.1.0).total_cmp(&apart(sample, b.1.0)))?;
+            let nearest = others.min_by(|a, b| apart(sample, a.1.0).total_cmp(&apart(sample, b.1.0)));
+            let Some(nearest) = nearest else { continue };
             product += linalg::dot(r, &nearest.1.1);
             spread += linalg::dot(r, r) * linalg::dot(&nearest.1.1, &nearest.1.1) / r.len().max(1) as f64;
             square += linalg::dot(r, r);

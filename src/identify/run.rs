@@ -7,7 +7,7 @@ use super::registration::{FreeEnds, registered};
 use super::residual::ChiSquareTest;
 use super::score::{Fit, Outlier, outliers, score};
 use super::uncertainty::LinkRoot;
-use crate::calibration::{Calibration, Coordinates, Sample, SetAside};
+use crate::calibration::{Calibration, Coordinates, Postures, Sample, SetAside};
 use crate::measure::Weights;
 use crate::model::{Geometry, Mechanism, Posture, Prior};
 use crate::problem::{Form, Problem};
@@ -162,6 +162,8 @@ pub fn identify_from(
     let visibility_at = |at: &[f64]| visibility(&start, samples, at).ok();
     let at_solution = visibility_at(&at);
     let covariance = match (report.estimate, at_solution.as_ref()) {
+        // Linear theory is that of whitened residuals, at their least.
+        _ if identifier.form() == Form::Plain || !report.outcome.converged() => None,
         (Estimate::Decoupled { .. }, Some(_)) => {
             Covariance::decoupled(report.estimate, &problem, &x).ok().flatten()
         }
@@ -208,21 +210,26 @@ pub(super) fn singularities(
     geometry: &Geometry,
     samples: &[Sample],
 ) -> (Vec<NearSingular>, Vec<String>) {
-    let mut posture = Posture::new(mechanism);
-    if posture.is_open_chain(mechanism) {
+    let mut postures = Postures::new(mechanism);
+    if postures.first.is_open_chain(mechanism) {
         return Default::default();
     }
-    let home = posture.close(mechanism, geometry).ok().map(|()| posture.mode);
+    let home = postures.first.close(mechanism, geometry).ok().map(|()| postures.first.mode);
     let (mut near, mut other_mode) = (Vec::new(), Vec::new());
     for sample in samples {
-        if sample.close(mechanism, geometry, &mut posture).is_ok() {
-            let singular_values = posture.wrench_singular_values();
-            if singular_values[5] < NEAR_SINGULAR * singular_values[0] {
-                near.push(NearSingular { name: sample.name.clone(), singular_values });
-            }
-            if home.is_some_and(|mode| mode != posture.mode) {
-                other_mode.push(sample.name.clone());
-            }
+        if sample.close_all(mechanism, geometry, &mut postures).is_err() {
+            continue;
+        }
+        let second = sample.measurement.second().map(|_| &postures.second);
+        let both = || [Some(&postures.first), second].into_iter().flatten();
+        let name = || sample.name.clone();
+        let values = both().map(Posture::wrench_singular_values);
+        let worst = values.min_by(|a, b| (a[5] / a[0]).total_cmp(&(b[5] / b[0])));
+        if let Some(singular_values) = worst.filter(|s| s[5] < NEAR_SINGULAR * s[0]) {
+            near.push(NearSingular { name: name(), singular_values });
+        }
+        if home.is_some_and(|mode| both().any(|posture| posture.mode != mode)) {
+            other_mode.push(name());
         }
     }
     (near, other_mode)

@@ -63,11 +63,15 @@ pub struct Outlier {
     pub probability: f64,
 }
 
+/// Part of the worst residual below which a posture counts as dragged along by worse ones.
+const DRAGGED: f64 = 0.2;
+
 /// Postures whose residual noise does not explain, worst first: chi-square tests of each posture, corrected for their
 /// number (Holm, *Scand. J. Statistics* 6, 1979), at [`FALSE_ALARM`] for all of them together.
 ///
 /// Where the median posture is worse than the stated noise makes it, its excess counts as noise: a model that misses
-/// everywhere by a little has no outliers.
+/// everywhere by a little has no outliers. A gross error drags its neighbours along: what is small beside the worst is not
+/// listed before that is mended.
 pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Vec<Outlier> {
     let mut tested: Vec<(Outlier, ChiSquared)> = samples
         .par_iter()
@@ -92,9 +96,10 @@ pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) 
     });
     let count = tested.len();
     let significant = |k: usize, p: f64| p <= FALSE_ALARM / (count - k) as f64;
-    let found =
-        tested.iter().enumerate().take_while(|(k, (outlier, _))| significant(*k, outlier.probability));
-    found.map(|(_, (outlier, _))| outlier.clone()).collect()
+    let worst = tested.iter().map(|(outlier, _)| outlier.weighted_rms).fold(0.0, f64::max);
+    let found = tested.into_iter().map(|(outlier, _)| outlier).enumerate();
+    let found = found.take_while(|(k, outlier)| significant(*k, outlier.probability));
+    found.map(|(_, outlier)| outlier).filter(|outlier| outlier.weighted_rms >= DRAGGED * worst).collect()
 }
 
 /// The samples whose loops do not close with the geometry, and why: those that [`score`] leaves out.

@@ -9,6 +9,7 @@ use crate::identify::residuals::{Residual, residuals};
 use crate::identify::run::placed;
 use crate::identify::{Covariance, NoiseEstimate, Visibility, score};
 use crate::model::{Constant, Geometry, Mechanism, Quantity};
+use crate::solve::Estimate;
 use faer::Mat;
 use std::path::{Path, PathBuf};
 
@@ -114,6 +115,7 @@ fn study(result: &ResultFile, problem: ProblemFile) -> Result<Study, String> {
     let root = seen
         .as_ref()
         .zip(estimate)
+        .filter(|(_, estimate)| !matches!(estimate, Estimate::Decoupled { .. }))
         .and_then(|(seen, estimate)| Covariance::joint(estimate, seen))
         .map(|c| c.root);
     let fit = score::score(&start, &geometry, &training);
