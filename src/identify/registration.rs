@@ -2,8 +2,8 @@
 //!
 //! `measured_k = X g_k Y` over predicted poses `g_k`. Rotation of X from relative rotations (Park & Martin, IEEE
 //! Trans. Robotics and Automation 10(5), 1994), then Y's rotation, then both translations by linear least
-//! squares; where all rotations share an axis, [`super::common_axis`]. With positions only see [`super::targets`]; fixed
-//! points and planes are placed by [`super::references`].
+//! squares; where all rotations share an axis, [`super::common_axis`]. With positions only see `targets`; fixed
+//! points and planes are placed by `references`.
 
 use super::common_axis::placed;
 use super::references::place_references;
