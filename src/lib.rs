@@ -72,3 +72,4 @@ pub mod problem;
 pub mod render;
 pub mod simulate;
 pub mod solve;
+pub mod wide;

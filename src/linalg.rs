@@ -40,6 +40,15 @@ impl<'a> RowBlock<'a> {
         Self { data, stride, first, rows }
     }
 
+    /// These rows of column j and of those that follow.
+    #[inline(always)]
+    pub fn columns(&mut self, j: usize) -> impl Iterator<Item = &mut [f64]> {
+        let rows = self.first..self.first + self.rows;
+        self.data[j * self.stride..]
+            .chunks_exact_mut(self.stride)
+            .map(move |column| &mut column[rows.clone()])
+    }
+
     /// These rows of column j.
     pub fn column(&mut self, j: usize) -> &mut [f64] {
         let start = j * self.stride + self.first;

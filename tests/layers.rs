@@ -4,14 +4,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 17] = [
+const LAYERS: [(&str, &[&str]); 18] = [
+    ("wide", &[]),
     ("lie", &[]),
     ("linalg", &["problem"]),
     // A problem knows no robot, no file and no terminal.
     ("problem", &["linalg"]),
-    ("model", &["lie"]),
+    ("model", &["wide", "lie"]),
     ("measure", &["lie", "model"]),
-    ("calibration", &["lie", "linalg", "problem", "model", "measure"]),
+    ("calibration", &["wide", "lie", "linalg", "problem", "model", "measure"]),
     // Nor does an identifier.
     ("solve", &["linalg", "problem"]),
     ("simulate", &["lie", "model", "measure"]),

@@ -14,6 +14,7 @@ use crate::model::{Geometry, Mechanism, Posture};
 use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
 use faer::{Mat, MatRef};
 use nalgebra::Matrix6;
+use std::sync::{Mutex, PoisonError};
 
 /// Passive joint step (rad, machine sizes) below which the limb is at the pose: the residual depends on it by
 /// second order only, 1e-10.
@@ -43,6 +44,10 @@ impl WholePose {
     }
 }
 
+/// Way of a passive joint (rad, m) from where it was at the start, up to which the next evaluation starts from where
+/// the last one left it.
+const NEAR: f64 = 0.1;
+
 /// A posture as one limb sees it: actuators and passive joints are its own.
 #[derive(Clone, Debug)]
 pub struct LimbStart<'a> {
@@ -57,12 +62,15 @@ pub struct LimbStart<'a> {
 }
 
 /// The errors of one limb, `6 - m` residuals a posture.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct LimbProblem<'a> {
     mechanism: Mechanism,
     coordinates: Coordinates,
     starts: Vec<LimbStart<'a>>,
     params: Vec<Param>,
+    home: Posture,
+    /// Joint variables of every posture where the last evaluation left them: most of its cost is the way to the pose.
+    reached: Mutex<Vec<f64>>,
 }
 
 impl<'a> LimbProblem<'a> {
@@ -76,7 +84,13 @@ impl<'a> LimbProblem<'a> {
         let mechanism = Mechanism { limbs: vec![mechanism.limbs[i].clone()], instrument: Vec::new() };
         let coordinates = coordinates.of_limb(i);
         let params = coordinates.params(&mechanism);
-        Self { mechanism, coordinates, starts, params }
+        let mut home = Posture::new(&mechanism);
+        let mut reached = Vec::with_capacity(starts.len() * home.q.len());
+        for start in &starts {
+            home.set_joints(&mechanism, start.actuators, start.passive);
+            reached.extend_from_slice(&home.q);
+        }
+        Self { mechanism, coordinates, starts, params, home, reached: Mutex::new(reached) }
     }
 
     fn limb(&self) -> &LimbCoordinates {
@@ -107,13 +121,17 @@ impl<'a> LimbProblem<'a> {
     }
 
     fn visit(&self, geometry: &Geometry, mut visit: impl FnMut(&Posture, &[Row])) -> Result<(), EvalError> {
-        let mut posture = Posture::new(&self.mechanism);
+        let mut posture = self.home.clone();
         let mut rows = vec![Row::default(); self.wrench_count()];
-        for start in &self.starts {
-            posture.set_joints(&self.mechanism, start.actuators, start.passive);
+        let mut reached = self.reached.lock().unwrap_or_else(PoisonError::into_inner);
+        for (start, reached) in self.starts.iter().zip(reached.chunks_exact_mut(posture.q.len().max(1))) {
+            posture.q.copy_from_slice(reached);
             self.approach(&mut posture, geometry, start)?;
             self.evaluate(&posture, start, &mut rows)?;
             visit(&posture, &rows);
+            if posture.passive(&self.mechanism).iter().zip(start.passive).all(|(q, s)| (q - s).abs() < NEAR) {
+                reached.copy_from_slice(&posture.q);
+            }
         }
         Ok(())
     }

@@ -29,6 +29,8 @@ struct Start<'a> {
 pub struct Calibration<'a> {
     mechanism: &'a Mechanism,
     coordinates: Coordinates,
+    /// Postures at home, from which those of a thread are copied.
+    home: Postures,
     starts: Vec<Start<'a>>,
     set_aside: Vec<SetAside>,
     params: Vec<Param>,
@@ -40,8 +42,15 @@ impl<'a> Calibration<'a> {
     pub fn new(mechanism: &'a Mechanism, samples: &'a [Sample], form: Form, at: &[f64]) -> Self {
         let coordinates = Coordinates::new(mechanism, form);
         let (params, groups) = (coordinates.params(mechanism), coordinates.groups(mechanism));
-        let mut problem =
-            Self { mechanism, coordinates, starts: Vec::new(), set_aside: Vec::new(), params, groups };
+        let mut problem = Self {
+            mechanism,
+            coordinates,
+            home: Postures::new(mechanism),
+            starts: Vec::new(),
+            set_aside: Vec::new(),
+            params,
+            groups,
+        };
         problem.take_back(samples, at, 0.0);
         problem
     }
@@ -63,20 +72,21 @@ impl<'a> Calibration<'a> {
             Ok((postures.first.passive(self.mechanism), second))
         };
         type Passive = (Vec<f64>, Vec<f64>);
-        let closed: Vec<Result<Passive, SetAside>> = samples
-            .par_iter()
-            .enumerate()
-            .map_init(
-                || Postures::new(self.mechanism),
-                |postures, (index, sample)| {
-                    close(postures, sample).map_err(|reason| SetAside {
-                        sample: index,
-                        name: sample.name.clone(),
-                        reason,
-                    })
-                },
-            )
-            .collect();
+        let named = |postures: &mut Postures, (index, sample): (usize, &'a Sample)| {
+            close(postures, sample).map_err(|reason| SetAside {
+                sample: index,
+                name: sample.name.clone(),
+                reason,
+            })
+        };
+        let new = || self.home.clone();
+        let closed: Vec<Result<Passive, SetAside>> = if self.mechanism.is_open_chain() {
+            // Nothing to close: sharing the work among threads would cost more than it.
+            let mut postures = new();
+            samples.iter().enumerate().map(|at| named(&mut postures, at)).collect()
+        } else {
+            samples.par_iter().enumerate().map_init(new, named).collect()
+        };
         self.starts.clear();
         self.set_aside.clear();
         for (sample, outcome) in samples.iter().zip(closed) {
@@ -119,7 +129,7 @@ impl<'a> Calibration<'a> {
         geometry: &Geometry,
         mut visit: impl FnMut(&Postures, &Evaluation),
     ) -> Result<(), EvalError> {
-        let mut postures = Postures::new(self.mechanism);
+        let mut postures = self.home.clone();
         let mut evaluation = Evaluation::default();
         for Start { sample, passive, second } in starts {
             let open = |why: NotClosed| EvalError(format!("{}: {why}", sample.name));

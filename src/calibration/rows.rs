@@ -6,14 +6,18 @@ use crate::lie::Se3;
 use crate::linalg::RowBlock;
 use crate::measure::{Evaluation, Row};
 use crate::model::{Mechanism, Posture};
+use crate::wide::wide;
 use nalgebra::Vector3;
 
-/// Rows handled together.
-const LANES: usize = 6;
+/// Rows handled together: those of a whole pose.
+const TOGETHER: usize = 6;
+/// Their places, of which vector instructions take four at a time.
+const LANES: usize = 8;
 /// Rows from which that pays.
 const FEW: usize = 3;
 
 /// Derivatives of up to six residuals by a twist, one array a component: by its rotation (rad), by its translation (m).
+/// The last two lanes are zero.
 type Lanes = [[[f64; LANES]; 3]; 2];
 
 /// Writes rows posture by posture; holds what it needs from one to the next.
@@ -67,7 +71,7 @@ impl RowWriter {
         out: &mut RowBlock<'_>,
     ) {
         let tool = posture.tool().p;
-        let open = posture.is_open_chain(mechanism);
+        let open = mechanism.is_open_chain();
         let (mut frame, mut wrench) = (0, 0);
         for (i, ((limb, drawn), split)) in
             coordinates.limbs.iter().zip(&mechanism.limbs).zip(&posture.splits).enumerate()
@@ -78,12 +82,12 @@ impl RowWriter {
             });
             if !ADD {
                 for by in sample.by_limb.iter().filter(|by| by.limb == i) {
-                    let lanes = &mut self.by_limb[by.row / LANES];
+                    let lanes = &mut self.by_limb[by.row / TOGETHER];
                     lanes
                         .as_flattened_mut()
                         .iter_mut()
                         .zip(by.by_twist)
-                        .for_each(|(lane, v)| lane[by.row % LANES] += v);
+                        .for_each(|(lane, v)| lane[by.row % TOGETHER] += v);
                 }
             }
             let frames = &posture.frames[frame..frame + drawn.links.len()];
@@ -116,9 +120,9 @@ impl RowWriter {
 
     fn gather(&mut self, rows: usize, by_limb: impl Fn(usize) -> [f64; 6]) {
         self.by_limb.clear();
-        for first in (0..rows).step_by(LANES) {
+        for first in (0..rows).step_by(TOGETHER) {
             let mut lanes = [[[0.0; LANES]; 3]; 2];
-            for k in 0..LANES.min(rows - first) {
+            for k in 0..TOGETHER.min(rows - first) {
                 for (lane, value) in lanes.as_flattened_mut().iter_mut().zip(by_limb(first + k)) {
                     lane[k] = value;
                 }
@@ -134,21 +138,25 @@ impl RowWriter {
         tool: &Vector3<f64>,
         out: &mut RowBlock<'_>,
     ) {
-        for (group, by_tool) in self.by_limb.iter().enumerate() {
-            let mut k = limb.slice_offset;
-            for (g, in_slice) in frames.iter().zip(&limb.in_slice) {
-                let by_link = moved(by_tool, &(tool - g.p));
-                for (block, in_slice) in by_link.iter().zip(in_slice) {
-                    for (i, chosen) in in_slice.iter().enumerate() {
-                        if *chosen {
-                            let axis = [g.r[(0, i)], g.r[(1, i)], g.r[(2, i)]];
-                            combine::<ADD>(block, axis, &mut out.column(k)[group * LANES..]);
-                            k += 1;
+        wide(
+            #[inline(always)]
+            || {
+                for (group, by_tool) in self.by_limb.iter().enumerate() {
+                    let mut columns = out.columns(limb.slice_offset);
+                    for (g, in_slice) in frames.iter().zip(&limb.in_slice) {
+                        let by_rotation = moved(by_tool, &(tool - g.p));
+                        for (block, in_slice) in [&by_rotation, &by_tool[1]].into_iter().zip(in_slice) {
+                            for (i, chosen) in in_slice.iter().enumerate() {
+                                if *chosen && let Some(column) = columns.next() {
+                                    let axis = [g.r[(0, i)], g.r[(1, i)], g.r[(2, i)]];
+                                    combine::<ADD>(block, axis, &mut column[group * TOGETHER..]);
+                                }
+                            }
                         }
                     }
                 }
-            }
-        }
+            },
+        );
     }
 }
 
@@ -176,11 +184,9 @@ fn write_single(
     }
 }
 
-// The next two stay functions of their own: inlined into one loop, the compiler shuffles lanes between them.
-
-/// Covectors `(w, v)` moved to a point that lies `lever` behind theirs: `(w + lever x v, v)`.
-#[inline(never)]
-fn moved([[a, b, c], [x, y, z]]: &Lanes, lever: &Vector3<f64>) -> Lanes {
+/// `w + lever x v`: the rotation part of covectors `(w, v)` at a point that lies `lever` behind theirs.
+#[inline(always)]
+fn moved([[a, b, c], [x, y, z]]: &Lanes, lever: &Vector3<f64>) -> [[f64; LANES]; 3] {
     let (d, e, f) = (lever.x, lever.y, lever.z);
     let mut w = [[0.0; LANES]; 3];
     for i in 0..LANES {
@@ -192,18 +198,25 @@ fn moved([[a, b, c], [x, y, z]]: &Lanes, lever: &Vector3<f64>) -> Lanes {
     for i in 0..LANES {
         w[2][i] = c[i] + d * y[i] - e * x[i];
     }
-    [w, [*x, *y, *z]]
+    w
 }
 
 /// `axis . block` of each lane, written over as many entries as `out` has or added to them.
-#[inline(never)]
+#[inline(always)]
 fn combine<const ADD: bool>([x, y, z]: &[[f64; LANES]; 3], [a, b, c]: [f64; 3], out: &mut [f64]) {
-    let entry = |i: usize| x[i] * a + y[i] * b + z[i] * c;
-    match out.first_chunk_mut::<LANES>() {
+    let mut entries = [0.0; LANES];
+    for i in 0..LANES {
+        entries[i] = x[i] * a + y[i] * b + z[i] * c;
+    }
+    match out.first_chunk_mut::<TOGETHER>() {
         // A whole pose: a fixed length is what vector instructions need.
-        Some(whole) if !ADD => whole.iter_mut().enumerate().for_each(|(i, out)| *out = entry(i)),
-        _ if ADD => out.iter_mut().take(LANES).enumerate().for_each(|(i, out)| *out += entry(i)),
-        _ => out.iter_mut().take(LANES).enumerate().for_each(|(i, out)| *out = entry(i)),
+        // In the two parts in which it was computed: what is read across them would wait for both.
+        Some(whole) if !ADD => {
+            whole[..4].copy_from_slice(&entries[..4]);
+            whole[4..].copy_from_slice(&entries[4..TOGETHER]);
+        }
+        _ if ADD => out.iter_mut().zip(&entries[..TOGETHER]).for_each(|(out, entry)| *out += entry),
+        _ => out.iter_mut().zip(&entries[..TOGETHER]).for_each(|(out, entry)| *out = *entry),
     }
 }
 

@@ -40,7 +40,8 @@ pub struct Postures {
 impl Postures {
     /// Home postures, not closed.
     pub fn new(mechanism: &Mechanism) -> Self {
-        Self { first: Posture::new(mechanism), second: Posture::new(mechanism) }
+        let home = Posture::new(mechanism);
+        Self { first: home.clone(), second: home }
     }
 
     /// What the instrument of a closed sample sees.

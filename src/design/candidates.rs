@@ -209,7 +209,7 @@ fn check(mechanism: &Mechanism, posture: &Posture, least: f64) -> Result<(), Unf
             return Err(Unfit::OutOfRange { joint: format!("{}.{}", limb.name, joint.name) });
         }
     }
-    if posture.is_open_chain(mechanism) {
+    if mechanism.is_open_chain() {
         return Ok(());
     }
     let ratio = posture.regularity();

@@ -130,7 +130,7 @@ pub fn identify_from(
     }
     // Near a singularity the nominal pose may be far from the measured one, or on another branch: such postures wait
     // until the others have been identified from.
-    if !Posture::new(&start).is_open_chain(&start) {
+    if !start.is_open_chain() {
         problem.take_back(samples_in_form, &at, NEAR_SINGULAR);
     }
     if problem.sample_count() == 0 {
@@ -211,7 +211,7 @@ pub(super) fn singularities(
     samples: &[Sample],
 ) -> (Vec<NearSingular>, Vec<String>) {
     let mut postures = Postures::new(mechanism);
-    if postures.first.is_open_chain(mechanism) {
+    if mechanism.is_open_chain() {
         return Default::default();
     }
     let home = postures.first.close(mechanism, geometry).ok().map(|()| postures.first.mode);

@@ -1,5 +1,6 @@
 //! Rigid motions. Twists are `[w; v]`, rotation (rad) first, translation (m) second; see docs/conventions.md.
 
+use super::Columns;
 use super::so3::{self, hat};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use std::ops::Mul;
@@ -33,16 +34,17 @@ impl Se3 {
         Self { r: so3::exp(w), p }
     }
 
-    /// Whether all entries are finite.
+    /// Whether all entries are finite, and their sum.
     pub fn is_finite(&self) -> bool {
-        self.r.iter().chain(self.p.iter()).all(|v| v.is_finite())
+        (self.r.sum() + self.p.sum()).is_finite()
     }
 }
 
 impl Mul for Se3 {
     type Output = Se3;
+    #[inline(always)]
     fn mul(self, other: Se3) -> Se3 {
-        Se3 { r: self.r * other.r, p: self.r * other.p + self.p }
+        Columns::from(&self).times(&other).into()
     }
 }
 

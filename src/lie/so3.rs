@@ -51,7 +51,7 @@ pub fn exp(w: &Vector3<f64>) -> Matrix3<f64> {
 /// Goes through the quaternion by its largest component, so that neither 0 nor pi is special. NaN if `r`
 /// is not finite.
 pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
-    if !r.iter().all(|x| x.is_finite()) {
+    if !r.sum().is_finite() {
         // An infinite scalar part would pass for the identity below.
         return Vector3::repeat(f64::NAN);
     }

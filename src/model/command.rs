@@ -1,10 +1,11 @@
 //! Actuators that bring the machine to a wanted pose: Newton's method on active and passive joints together
 //! (docs/theory.md section 12).
 
+use super::closure::NotClosed;
 use super::inverse::close_from_home;
 use super::joint::Motion;
 use super::mechanism::{Geometry, Mechanism, pose_difference};
-use super::posture::{LONGEST_STEP, NotClosed, Posture, scaled};
+use super::posture::{LONGEST_STEP, Posture, scaled};
 use crate::lie::{Se3, so3};
 use nalgebra::{DMatrix, DVector, Vector6};
 use std::f64::consts::TAU;
@@ -268,7 +269,7 @@ fn newton_step(
     left: &DVector<f64>,
     followed: [bool; 6],
 ) -> Option<Vec<f64>> {
-    let open = posture.is_open_chain(mechanism);
+    let open = mechanism.is_open_chain();
     let count = mechanism.actuator_count();
     let mut by_actuators = DMatrix::zeros(6, count);
     let mut twists = Vec::with_capacity(count);

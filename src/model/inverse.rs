@@ -1,9 +1,10 @@
 //! Ways to a closed posture: from a measured pose, or from home along the actuators' path.
 
+use super::closure::NotClosed;
 use super::limb::Limb;
 use super::mechanism::{Geometry, Mechanism, pose_difference};
 use super::passive::PassiveSplit;
-use super::posture::{LONGEST_STEP, NotClosed, Posture, scaled};
+use super::posture::{LONGEST_STEP, Posture, scaled};
 use crate::lie::Se3;
 
 const MAX_ITERATIONS: usize = 60;

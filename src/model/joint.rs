@@ -1,6 +1,6 @@
 //! Equivalent one-degree-of-freedom joints, and the joint types that expand to them.
 
-use crate::lie::Se3;
+use crate::lie::{Columns, Se3};
 use nalgebra::{Matrix3, Vector3};
 
 /// Motion of a joint along the z axis of its frame.
@@ -25,19 +25,28 @@ impl Motion {
 
     /// `g exp(z q)`: the frame moved by the joint variable `q`, rad or m.
     pub fn moved(self, g: &Se3, q: f64) -> Se3 {
-        let advance = match self {
-            Motion::Prismatic => return Se3 { r: g.r, p: g.p + g.r.column(2) * q },
+        let turn = if self.is_angular() { q.sin_cos() } else { (0.0, 1.0) };
+        self.moved_by(&Columns::from(g), q, turn).into()
+    }
+
+    /// The same with sine and cosine of an angular joint variable at hand.
+    #[inline(always)]
+    pub fn moved_by(self, Columns([x, y, z, p]): &Columns, q: f64, (sin, cos): (f64, f64)) -> Columns {
+        let slide = match self {
+            Motion::Prismatic => q,
             Motion::Revolute => 0.0,
-            Motion::Helical { advance } => advance,
+            Motion::Helical { advance } => advance * q,
         };
-        let (sin, cos) = q.sin_cos();
-        let (x, y, z) = (g.r.column(0), g.r.column(1), g.r.column(2));
-        let r = Matrix3::from_columns(&[x * cos + y * sin, y * cos - x * sin, z.into_owned()]);
-        Se3 { r, p: g.p + z * (advance * q) }
+        let p = std::array::from_fn(|i| p[i] + z[i] * slide);
+        match self.is_angular() {
+            true => Columns([Columns::combined(x, cos, y, sin), Columns::combined(y, cos, x, -sin), *z, p]),
+            false => Columns([*x, *y, *z, p]),
+        }
     }
 
     /// Twist of the tool point `[w; dp]` per unit of the joint variable, for the joint frame `g` and the
     /// tool point `tool` in {S}.
+    #[inline(always)]
     pub fn tool_twist(self, g: &Se3, tool: &Vector3<f64>) -> [f64; 6] {
         let axis = g.r.column(2);
         let (w, v) = match self {

@@ -59,6 +59,11 @@ impl Mechanism {
         self.limbs.iter().map(|limb| 6 * limb.links.len()).sum()
     }
 
+    /// Whether it is one limb without passive joints: there is nothing to close.
+    pub fn is_open_chain(&self) -> bool {
+        self.limbs.len() == 1 && self.limbs[0].joints.iter().all(|joint| joint.actuated)
+    }
+
     /// Number of actuators.
     pub fn actuator_count(&self) -> usize {
         self.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated).count()

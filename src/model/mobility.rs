@@ -1,7 +1,8 @@
 //! Whether a drawing is a machine that this model describes: neither over-constrained nor under-actuated.
 
+use super::closure::NotClosed;
 use super::mechanism::{Geometry, Mechanism};
-use super::posture::{NotClosed, Posture};
+use super::posture::Posture;
 use nalgebra::{DMatrix, DVector};
 
 /// What is wrong with the mobility of a drawing.

@@ -1,5 +1,6 @@
 //! Mechanisms: limbs of joints between base and platform, and the postures in which their loops close.
 
+pub mod closure;
 pub mod command;
 pub mod instrument;
 pub mod inverse;
@@ -10,8 +11,9 @@ pub mod mobility;
 pub mod passive;
 pub mod posture;
 
+pub use closure::NotClosed;
 pub use instrument::{Constant, Quantity};
 pub use joint::{Joint, Motion};
 pub use limb::{Limb, Link, Prior, Tolerance};
 pub use mechanism::{Geometry, Mechanism};
-pub use posture::{NotClosed, Posture};
+pub use posture::Posture;

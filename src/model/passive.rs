@@ -29,12 +29,27 @@ impl PassiveSplit {
     ///
     /// The wrenches are oriented so that `det [J W']` is positive: they vary continuously as long as the
     /// passive twists stay independent, so that the sign of `det Jr` tells assembly modes apart.
+    #[inline(always)]
     pub fn factor(&mut self, columns: &[[f64; 6]]) {
         let m = columns.len();
         self.m = m;
         self.r[..m].copy_from_slice(columns);
+        // Loops of fixed length are unrolled.
+        match m {
+            0 => self.reduce::<0>(),
+            1 => self.reduce::<1>(),
+            2 => self.reduce::<2>(),
+            3 => self.reduce::<3>(),
+            4 => self.reduce::<4>(),
+            5 => self.reduce::<5>(),
+            _ => self.reduce::<6>(),
+        }
+    }
+
+    #[inline(always)]
+    fn reduce<const M: usize>(&mut self) {
         let mut positive = true;
-        for k in 0..m {
+        for k in 0..M {
             let mut v = self.r[k];
             v[..k].fill(0.0);
             let norm = dot(&v, &v).sqrt();
@@ -48,16 +63,16 @@ impl PassiveSplit {
             self.inverse_scale[k] = 1.0 / (alpha * (alpha - pivot));
             self.v[k] = v;
             self.r[k][k] = alpha;
-            for column in &mut self.r[k + 1..m] {
+            for column in &mut self.r[k + 1..M] {
                 reflect(&v, self.inverse_scale[k], column);
             }
             // A reflection has determinant -1, and so does each negative pivot.
             positive ^= alpha > 0.0;
         }
-        for (row, wrench) in self.wrenches.iter_mut().enumerate().skip(m) {
+        for (row, wrench) in self.wrenches.iter_mut().enumerate().skip(M) {
             *wrench = [0.0; 6];
-            wrench[row] = if positive || row > m { 1.0 } else { -1.0 };
-            for k in (0..m).rev() {
+            wrench[row] = if positive || row > M { 1.0 } else { -1.0 };
+            for k in (0..M).rev() {
                 reflect(&self.v[k], self.inverse_scale[k], wrench);
             }
         }
@@ -106,10 +121,10 @@ impl PassiveSplit {
     }
 }
 
-/// Summed as a tree: a chain of six additions would be waited for.
+/// Summed in two chains, as vector instructions do it.
 #[inline(always)]
 fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
-    ((a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])) + (a[4] * b[4] + a[5] * b[5])
+    (a[0] * b[0] + a[2] * b[2] + a[4] * b[4]) + (a[1] * b[1] + a[3] * b[3] + a[5] * b[5])
 }
 
 #[inline(always)]
