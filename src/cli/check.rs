@@ -3,6 +3,7 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
+use super::wording::counted;
 use crate::check::misfit::median;
 use crate::check::offsets::offsets;
 use crate::check::{Correction, Finding, Reading, expected, misfits, repeats, search};
@@ -61,9 +62,9 @@ fn machine(problem: &ProblemFile, regularity: f64) -> String {
     let mechanism = &problem.mechanism;
     let (r, p) = mechanism.joint_counts();
     let mut text = format!(
-        "{}: {} limbs, {r} angular and {p} prismatic joints, {} actuated\n",
+        "{}: {}, {r} angular and {p} prismatic joints, {} actuated\n",
         problem.name,
-        mechanism.limbs.len(),
+        counted(mechanism.limbs.len(), "limb"),
         mechanism.actuator_count()
     );
     for (limb, drawn) in mechanism.limbs.iter().zip(&problem.drawing.mechanism.limbs) {

@@ -134,6 +134,12 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     );
     let holdout_set_aside = set_aside(&found.start, &found.geometry, &holdout);
     let report = Summary {
+        unused: (problem.data.unused.iter())
+            .map(|s| {
+                let weighed = noise.as_ref().map_or_else(|| vec![s.clone()], |n| n.weigh(std::slice::from_ref(s)));
+                (s.name.clone(), score(&found.start, &found.geometry, &weighed))
+            })
+            .collect(),
         problem: &problem,
         repeated: repeated(&training),
         shared: shared(&training, &holdout),

@@ -1,6 +1,6 @@
 //! The report of one identification: its summary for people.
 
-use super::details::{digits, instrument, largest, other_errors};
+use super::details::{digits, instrument, largest, other_errors, unused};
 use super::wording::counted;
 use crate::calibration::SetAside;
 use crate::files::ProblemFile;
@@ -22,6 +22,8 @@ pub struct Summary<'a> {
     pub repeated: usize,
     /// Samples that are in the hold-out as well as in the training.
     pub shared: Vec<String>,
+    /// Samples of weight 0, as the result predicts them; `None` where they do not close.
+    pub unused: Vec<(String, Option<Fit>)>,
     /// Readings outside the ranges that the drawing states, by actuator.
     pub out_of_range: Vec<String>,
     /// Noise, where it was estimated.
@@ -163,6 +165,7 @@ pub fn summary(of: &Summary<'_>) -> String {
         ),
         (None, None) => {}
     }
+    text.push_str(&unused(of));
     text.push_str(&other_errors(of));
     text.push_str(&instrument(of));
     text.push_str(&largest(of));

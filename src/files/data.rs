@@ -15,11 +15,15 @@ use super::table::{self, PoseColumns, TableRequest};
 use super::units::Units;
 use crate::calibration::Sample;
 use crate::lie::Se3;
+use crate::measure::Weighted;
 use crate::model::Mechanism;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
+
+/// Least weight of a sample that counts at all, and the inverse of the largest.
+const LIGHTEST: f64 = 1e-12;
 
 /// Measured postures, inline or in a CSV file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -114,6 +118,9 @@ pub struct SampleDrawing {
     /// Instead of `noise`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CovarianceDrawing>,
+    /// Factor on what the sample is worth, 1 where left out; with 0 it is not used, only predicted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight: Option<f64>,
 }
 
 impl SampleDrawing {
@@ -266,6 +273,15 @@ impl DataDrawing {
     }
 }
 
+/// The weight of a sample: 1 where none is stated.
+fn read_weight(stated: Option<f64>, at: &Place<'_>) -> Result<f64, FileError> {
+    match stated {
+        None => Ok(1.0),
+        Some(weight) if weight == 0.0 || (LIGHTEST..=1.0 / LIGHTEST).contains(&weight) => Ok(weight.abs()),
+        Some(found) => Err(at.error(Fault::Weight { found, least: LIGHTEST, most: 1.0 / LIGHTEST })),
+    }
+}
+
 /// A set of data while it is read.
 struct Filling<'a> {
     set: DataSet,
@@ -328,6 +344,7 @@ impl Filling<'_> {
                 point,
                 plane,
                 gauge,
+                weight: row.weight,
                 ..SampleDrawing::default()
             };
             self.add(name, sample, &line, false, None)?;
@@ -368,7 +385,12 @@ impl Filling<'_> {
             return Ok(());
         }
         let (measurement, measured) = self.reader.measurement(&written, &self.weight, own)?;
-        self.set.samples.push(Sample { name, actuators, measurement });
+        let weight = read_weight(sample.weight, &written.part("weight"))?;
+        if weight == 0.0 {
+            self.set.unused.push(Sample { name, actuators, measurement });
+            return Ok(());
+        }
+        self.set.samples.push(Sample { name, actuators, measurement: Weighted::by(measurement, weight) });
         self.set.measured.push(measured);
         self.set.written.push(sample.pose);
         Ok(())

@@ -26,8 +26,10 @@ pub enum Fault {
 
     #[error("{0} is not a finite number")]
     NotFinite(f64),
-    #[error("{value} {unit} is too large: the limit is {limit} {unit}; are the units right?")]
+    #[error("{} {unit} is too large: the limit is {} {unit}; are the units right?", plain(*value), plain(*limit))]
     Huge { value: f64, limit: f64, unit: &'static str },
+    #[error("{found} is no weight; give a number from {least} to {most}, or 0 for a sample that is not to be used")]
+    Weight { found: f64, least: f64, most: f64 },
     #[error("{0} is negative; give a standard deviation, 0 to hold the link, or \"free\"")]
     NegativeTolerance(f64),
     #[error(
@@ -169,6 +171,8 @@ pub enum Fault {
 
     #[error("not a CSV table: {0}")]
     Table(String),
+    #[error("columns are divided by {0:?}: write commas, and points in decimal numbers")]
+    Separator(char),
     #[error("no column {wanted}; the columns are {found}")]
     NoColumn { wanted: String, found: String },
     #[error("two columns are called {0}")]
@@ -181,8 +185,15 @@ pub enum Fault {
     CellCount { found: usize, wanted: usize },
     #[error("{0} is not a number")]
     NotNumber(String),
+    #[error("the readings are in the table {0}: give that as the file of actuators")]
+    ReadingsElsewhere(String),
     #[error("the reading is missing")]
     NoReading,
     #[error("there are no rows{0}")]
     NoRows(String),
+}
+
+/// The number, with an exponent where it would be long.
+fn plain(value: f64) -> String {
+    if value.abs() > 1e9 { format!("{value:e}") } else { value.to_string() }
 }
