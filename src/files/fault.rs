@@ -28,7 +28,10 @@ pub enum Fault {
     NotFinite(f64),
     #[error("{} {unit} is too large: the limit is {} {unit}; are the units right?", plain(*value), plain(*limit))]
     Huge { value: f64, limit: f64, unit: &'static str },
-    #[error("{found} is no weight; give a number from {least} to {most}, or 0 for a sample that is not to be used")]
+    #[error(
+        "{} is no weight; give a number from {} to {}, or 0 for a sample that is not to be used",
+        plain(*found), plain(*least), plain(*most)
+    )]
     Weight { found: f64, least: f64, most: f64 },
     #[error("{0} is negative; give a standard deviation, 0 to hold the link, or \"free\"")]
     NegativeTolerance(f64),
@@ -195,5 +198,5 @@ pub enum Fault {
 
 /// The number, with an exponent where it would be long.
 fn plain(value: f64) -> String {
-    if value.abs() > 1e9 { format!("{value:e}") } else { value.to_string() }
+    if value.abs() > 1e9 || value != 0.0 && value.abs() < 1e-6 { format!("{value:e}") } else { value.to_string() }
 }
