@@ -40,7 +40,11 @@ fn scale_keys(value: &mut Value, keys: &[&str], factor: f64) {
         Value::Array(list) => list.iter_mut().for_each(|v| scale_keys(v, keys, factor)),
         Value::Object(map) => {
             for (key, value) in map.iter_mut() {
-                if keys.contains(&key.as_str()) { scale(value, factor) } else { scale_keys(value, keys, factor) }
+                if keys.contains(&key.as_str()) {
+                    scale(value, factor)
+                } else {
+                    scale_keys(value, keys, factor)
+                }
             }
         }
         _ => {}
@@ -145,7 +149,8 @@ fn two_mistakes_at_once() {
             scale(&mut sample["pose"]["rotation"], DEGREE);
         }
         suspects(&spoiled, &["measured rotations look like rad where the file means degrees", names]);
-        let reversed = if machine == "hexapod-6ups" { "limb5.leg looks reversed" } else { "arm.pitch looks reversed" };
+        let reversed =
+            if machine == "hexapod-6ups" { "limb5.leg looks reversed" } else { "arm.pitch looks reversed" };
         let mut spoiled = problem(machine);
         for sample in samples(&mut spoiled) {
             scale(&mut sample["actuators"][4], -1.0);
@@ -159,7 +164,8 @@ fn two_mistakes_at_once() {
             let vector = |key: &str| Vector3::from_column_slice(&numbers(&sample["pose"][key]));
             let p = turn * vector("position") + Vector3::new(3.0, -2.0, 1.0);
             let r = turn * Rotation3::from_scaled_axis(vector("rotation"));
-            sample["pose"] = json!({"position": p.as_slice(), "rotation": r.inverse().scaled_axis().as_slice()});
+            sample["pose"] =
+                json!({"position": p.as_slice(), "rotation": r.inverse().scaled_axis().as_slice()});
         }
         suspects(&spoiled, &["measured rotations look transposed", "the base looks to stand elsewhere"]);
     }
@@ -195,7 +201,8 @@ fn a_tool_drawn_elsewhere_is_no_home() {
             for sample in samples(&mut spoiled) {
                 let vector = |key: &str| Vector3::from_column_slice(&numbers(&sample["pose"][key]));
                 let r = Rotation3::from_scaled_axis(vector("rotation"));
-                sample["pose"]["position"] = json!((vector("position") + r * Vector3::from(shift)).as_slice());
+                sample["pose"]["position"] =
+                    json!((vector("position") + r * Vector3::from(shift)).as_slice());
             }
             suspects(&spoiled, &["the tool looks to stand elsewhere than drawn"]);
         }

@@ -45,8 +45,16 @@ fn mistakes_in_files_are_named_with_their_place() {
         refused(at, &text.replace("\"HERE\"", token), &place);
         refused(at, &text.replace("\"HERE\"", token), &[token]);
     }
-    refused(at, &text.replace("\"HERE\"", "1e999"), &["data.samples[3].actuators[2]", "a number is too large"]);
-    refused(at, &text.replace("\"HERE\"", "1e300"), &["(sample 4)", "1e300 rad is too large", "are the units right?"]);
+    refused(
+        at,
+        &text.replace("\"HERE\"", "1e999"),
+        &["data.samples[3].actuators[2]", "a number is too large"],
+    );
+    refused(
+        at,
+        &text.replace("\"HERE\"", "1e300"),
+        &["(sample 4)", "1e300 rad is too large", "are the units right?"],
+    );
     let mut problem = arm();
     let samples = problem["data"].as_object_mut().unwrap().remove("samples").unwrap();
     problem["data"]["file"] = json!("t.csv");

@@ -78,7 +78,7 @@ fn foreign_columns() {
     let bad = |key, value, parts: &[&str]| assert_message(&with(key, value).unwrap_err(), parts);
     bad("where", json!({"split": "trian"}), &["d.csv", "no rows with split = trian; split holds `"]);
     bad("where", json!({"sort": "train"}), &["d.csv: line 1", "no column `sort`", "`split`"]);
-    bad("columns", json!({"actuators": ["a"]}), &["d.csv: line 1", "1 readings for 6 actuators"]);
+    bad("columns", json!({"actuators": ["a"]}), &["d.csv: line 1", "1 reading for 6 actuators"]);
     bad("columns", json!({"acts": []}), &["data.columns.acts", "unknown field"]);
 }
 
@@ -93,7 +93,7 @@ fn actuator_files() {
     };
     assert_message(
         &message("a.json", r#"{"samples": [{"actuators": [1]}]}"#),
-        &["samples[0].actuators (sample 1)", "1 readings for 6"],
+        &["samples[0].actuators (sample 1)", "1 reading for 6"],
     );
     assert_message(&message("a.json", r#"{"samples": []}"#), &["samples", "no rows"]);
     assert_message(&message("a.json", r#"{"sampels": []}"#), &["unknown field `sampels`"]);

@@ -97,8 +97,7 @@ fn a_weight_of_four_is_four_equal_samples() {
         copied["data"]["samples"] = json!(copies);
         let hold = problem["data"]["holdout"]["samples"].as_array().unwrap().clone();
         weighted["data"]["holdout"]["samples"][2]["weight"] = json!(4);
-        copied["data"]["holdout"]["samples"] =
-            json!([hold.clone(), vec![hold[2].clone(); 3]].concat());
+        copied["data"]["holdout"]["samples"] = json!([hold.clone(), vec![hold[2].clone(); 3]].concat());
         let (plain, _) = identified(folder.path(), &problem);
         let (a, _) = identified(folder.path(), &weighted);
         let (b, _) = identified(folder.path(), &copied);
@@ -146,7 +145,8 @@ fn a_weight_of_zero_is_listed_and_nothing_else() {
 fn tables_have_weights_too_and_bad_ones_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let noise = json!({"angle": 2e-5, "length": 1e-5});
-    let mut problem = simulated(folder.path(), "serial-puma560", &json!({"kind": "pose", "noise": noise}), 20);
+    let mut problem =
+        simulated(folder.path(), "serial-puma560", &json!({"kind": "pose", "noise": noise}), 20);
     let mut table = "q1,q2,q3,q4,q5,q6,x,y,z,rx,ry,rz,weight\n".to_owned();
     for (k, sample) in problem["data"]["samples"].as_array_mut().unwrap().iter_mut().enumerate() {
         let weight = if k == 5 { String::new() } else { format!("{}", 0.5 * k as f64) };

@@ -266,7 +266,10 @@ impl Correction {
                 lengths(*f)
             ),
             Correction::AngleScale(f, _) => {
-                format!("readings of turning actuators and measured rotations look like {}: correct units.angle", angles(*f))
+                format!(
+                    "readings of turning actuators and measured rotations look like {}: correct units.angle",
+                    angles(*f)
+                )
             }
             Correction::Transposed => {
                 "measured rotations look transposed (from {S} to {T}): invert them".to_owned()
@@ -319,7 +322,7 @@ impl Correction {
                         ("base and tool look", "the first joint of every limb, and \"tool_tolerance\",")
                     }
                     (true, false) => ("the base looks", "the first joint of every limb"),
-                    (false, _) => ("the tool looks", "\"tool_tolerance\""),
+                    (false, _) => ("the tool looks", "the last link of every limb (\"tool_tolerance\")"),
                 };
                 format!("{what} to stand elsewhere than drawn: set the tolerance of {how} to \"free\"")
             }

@@ -153,9 +153,7 @@ pub fn search(mechanism: &Mechanism, data: &[Reading], limit: f64) -> Finding {
         }
         let mut several = of.tried(&few, of.extended(&from));
         // What has numbers to fit with lowers any misfit a little.
-        let size = |h: &Hypothesis| {
-            h.misfit * if of.fitted(&h.made) > 0 { MUCH_BETTER } else { 1.0 }
-        };
+        let size = |h: &Hypothesis| h.misfit * if of.fitted(&h.made) > 0 { MUCH_BETTER } else { 1.0 };
         several.sort_by(|a, b| size(a).total_cmp(&size(b)).then_with(|| a.made.cmp(&b.made)));
         several.truncate(KEPT);
         from = several.iter().map(|h| h.made.clone()).collect();

@@ -1,10 +1,10 @@
 //! `gough check`: whether a problem means what it should.
 
+use super::check_misfit::{misfit, others};
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
 use super::wording::counted;
-use super::check_misfit::{misfit, others};
 use crate::calibration::Sample;
 use crate::check::{Reading, repeats};
 use crate::files::units::LengthUnit;
@@ -47,8 +47,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         actuators(&problem, &all, &mut text);
         suspicious |= size(&problem, &mut text);
         suspicious |= with_spinner(format!("checking {}", problem.name), || {
-            let poses = !data.is_empty()
-                && (noise(&problem, &data, &mut text) | misfit(&problem, &data, &mut text));
+            let poses =
+                !data.is_empty() && (noise(&problem, &data, &mut text) | misfit(&problem, &data, &mut text));
             let others = others(&problem, &data, &mut text);
             poses | others
         });
@@ -188,8 +188,12 @@ fn noise(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
     let (length, angle) = (problem.units.length_symbol(), problem.units.angle_symbol());
     let _ = write!(
         text,
-        "\n{} postures were measured more than once, {} times in all: noise {:.3e} {length}",
-        found.groups,
+        "\n{} measured more than once, {} times in all: noise {:.3e} {length}",
+        if found.groups == 1 {
+            "1 posture was".to_owned()
+        } else {
+            format!("{} postures were", found.groups)
+        },
         found.samples,
         problem.units.from_metres(found.length)
     );
@@ -215,4 +219,3 @@ fn noise(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
     }
     surprising
 }
-

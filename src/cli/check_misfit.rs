@@ -174,7 +174,9 @@ pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String)
         let _ = writeln!(text, "  {number} whose loops do not close as drawn: {}", listed(&open));
         if 2 * open.len() > samples.len() {
             suspicious = true;
-            text.push_str("suspicious: most postures do not close; check the units and the order of the actuators\n");
+            text.push_str(
+                "suspicious: most postures do not close; check the units and the order of the actuators\n",
+            );
         }
     }
     suspicious

@@ -25,12 +25,10 @@ pub(super) fn unused(of: &Summary<'_>) -> String {
     let units = of.problem.units;
     let line = |(name, fit): &(String, Option<Fit>)| {
         let Some(fit) = fit else { return format!("  {name}: its loops do not close\n") };
-        let metres = |spread: Spread| {
-            format!("{} {}", digits(units.from_metres(spread.rms)), units.length_symbol())
-        };
-        let radians = |spread: Spread| {
-            format!("{} {}", digits(units.from_radians(spread.rms)), units.angle_symbol())
-        };
+        let metres =
+            |spread: Spread| format!("{} {}", digits(units.from_metres(spread.rms)), units.length_symbol());
+        let radians =
+            |spread: Spread| format!("{} {}", digits(units.from_radians(spread.rms)), units.angle_symbol());
         let lengths = [fit.position, fit.distance, fit.plane, fit.joint_length].map(|part| part.map(metres));
         let angles = [fit.rotation, fit.joint_angle].map(|part| part.map(radians));
         let parts: Vec<String> = lengths.into_iter().chain(angles).flatten().collect();

@@ -3,6 +3,7 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::import::{AngleName, LengthName, problem_text, units};
+use super::wording::counted;
 use crate::files::columns::ColumnsDrawing;
 use crate::files::table::{self, OtherColumns, PoseColumns, TableRequest, TableRow};
 use crate::files::{
@@ -72,13 +73,12 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         .filter(|joint| joint.actuated)
         .map(|joint| joint.motion)
         .collect();
-    let samples: Vec<SampleDrawing> =
-        rows.into_iter().map(|row| convert.sample(&motions, row)).collect();
+    let samples: Vec<SampleDrawing> = rows.into_iter().map(|row| convert.sample(&motions, row)).collect();
     let count = samples.len();
     let mut drawing = problem.drawing.clone();
     let stated = drawing.data.take().unwrap_or_default();
     let kind = if position_only { Some(Kind::Position.name().to_owned()) } else { stated.kind.clone() };
-    let origin = Some(format!("{file}, {count} rows"));
+    let origin = Some(format!("{file}, {}", counted(count, "row")));
     drawing.data = Some(if args.holdout {
         let holdout = DataDrawing { kind, origin, samples: Some(samples), ..DataDrawing::default() };
         DataDrawing { holdout: Some(Box::new(holdout)), ..stated }
@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         }
     });
     output.write(&problem_text(&drawing)?)?;
-    eprintln!("{count} rows of {file}; `gough check` says whether they fit the machine");
+    eprintln!("{} of {file}; `gough check` says whether they fit the machine", counted(count, "row"));
     Ok(Ending::Done)
 }
 

@@ -8,7 +8,7 @@ use crate::files::place::Place;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, Deviation,
-    LinkResult, PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, WeightEntry, UnusedEntry,
+    LinkResult, PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry,
 };
 use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Variance};

@@ -78,12 +78,12 @@ pub fn summary(of: &Summary<'_>) -> String {
     let (r, p) = mechanism.joint_counts();
     let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
     let mut text = format!(
-        "{}: {}, {r} angular and {p} prismatic joints, {} actuated\n{}, {} readings; {}: {} ({})\n\n",
+        "{}: {}, {r} angular and {p} prismatic joints, {} actuated\n{}, {}; {}: {} ({})\n\n",
         problem.name,
         counted(mechanism.limbs.len(), "limb"),
         mechanism.actuator_count(),
         counted(taking_part, "posture"),
-        found.rows,
+        counted(found.rows, "reading"),
         found.report.identifier,
         found.report.outcome,
         counted(found.trace.len(), "iteration"),

@@ -65,8 +65,11 @@ pub fn parse<T: DeserializeOwned>(file: &str, bytes: &[u8]) -> Result<T, FileErr
 
 /// What a value should have been, in the words of the format and not in those of the program that reads it.
 fn schema(why: &str) -> String {
-    let why = why.replace("invalid type: null, expected struct PoseDrawing", "it is null; leave the key out, or give \
-        position and rotation, with null for what was not measured");
+    let why = why.replace(
+        "invalid type: null, expected struct PoseDrawing",
+        "it is null; leave the key out, or give \
+        position and rotation, with null for what was not measured",
+    );
     if !why.contains("expected struct ") {
         return why;
     }
@@ -79,9 +82,11 @@ fn schema(why: &str) -> String {
 fn syntax(bytes: &[u8], line: usize, column: usize, why: &str) -> String {
     let text = bytes.split(|byte| *byte == b'\n').nth(line.saturating_sub(1)).unwrap_or_default();
     let from = text.get(column.saturating_sub(1)..).unwrap_or_default();
-    let token = ["NaN", "Infinity", "-Infinity", "-NaN", "nan", "inf", "-inf"]
-        .into_iter()
-        .find(|token| [from, text.get(column.saturating_sub(2)..).unwrap_or_default()].iter().any(|t| t.starts_with(token.as_bytes())));
+    let token = ["NaN", "Infinity", "-Infinity", "-NaN", "nan", "inf", "-inf"].into_iter().find(|token| {
+        [from, text.get(column.saturating_sub(2)..).unwrap_or_default()]
+            .iter()
+            .any(|t| t.starts_with(token.as_bytes()))
+    });
     match token {
         Some(token) => format!(
             "{token} is no number of JSON (line {line} column {column}): give a finite number, or null where a component \

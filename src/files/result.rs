@@ -8,7 +8,7 @@ use super::noise::NoiseDrawing;
 use super::place::Place;
 use super::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, EstimateEntry,
-    LinkResult, SetAsideEntry, SourceEntry, TraceEntry, WeightEntry, numbers, UnusedEntry,
+    LinkResult, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry, numbers,
 };
 use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;
