@@ -43,7 +43,7 @@ fn mistakes_in_files_are_named_with_their_place() {
     for token in ["NaN", "Infinity", "-Infinity"] {
         let place = ["data.samples[3].actuators[2]", "is no number of JSON (line 1 column", "finite number"];
         refused(at, &text.replace("\"HERE\"", token), &place);
-        refused(at, &text.replace("\"HERE\"", token), &[token]);
+        refused(at, &text.replace("\"HERE\"", token), &[token.trim_start_matches('-')]);
     }
     refused(
         at,

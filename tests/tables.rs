@@ -105,7 +105,11 @@ fn actuator_files() {
     assert_message(&message("a.csv", "q1,q2,q3,q4,q5,q6\n1,2,3,4,5\n"), &["a.csv: line 2", "5 cells"]);
     assert_message(
         &message("a.csv", "a;b;c;d\n1;2;3;4\n"),
-        &["a.csv: line 1", "no column `limb1.leg` (or `q1`)", "`a;b;c;d`"],
+        &["a.csv: line 1", "columns are divided by ';'", "write commas"],
+    );
+    assert_message(
+        &message("a.csv", "a,b,c,d\n1,2,3,4\n"),
+        &["a.csv: line 1", "no column `limb1.leg` (or `q1`)", "`a`, `b`, `c`, `d`"],
     );
     assert_message(&message("a.csv", ""), &["a.csv", "empty"]);
     let text = "limb2.leg,limb1.leg,limb3.leg,limb4.leg,limb5.leg,limb6.leg\n2,1,3,4,5,6\n";
