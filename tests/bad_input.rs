@@ -136,13 +136,9 @@ fn drawings() {
     refused(
         "/mechanism/limbs/2/joints/2/actuated",
         json!([true]),
-        &["actuated (limb3.ball)", "1 values for the 3 axes"],
+        &["actuated (limb3.ball)", "1 value for the 3 axes"],
     );
-    refused(
-        "/mechanism/limbs/2/joints/2/home",
-        json!(0.1),
-        &["home (limb3.ball)", "1 values for the 3 axes"],
-    );
+    refused("/mechanism/limbs/2/joints/2/home", json!(0.1), &["home (limb3.ball)", "1 value for the 3 axes"]);
     refused("/mechanism/limbs/2/joints/1/range", json!([2, 1]), &["range (limb3.leg)", "begins at 2"]);
     refused("/mechanism/limbs/2/joints/1/range", json!([[0, 1], 2]), &["range (limb3.leg)", "a range is"]);
     refused("/mechanism/limbs/2/joints/1/range", json!(["a"]), &["range[0]", "(limb3.leg)", "a range is"]);

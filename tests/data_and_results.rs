@@ -166,6 +166,7 @@ fn result(read: &ProblemFile) -> ResultFile {
         warnings: vec!["one".into()],
         holdout_set_aside: Vec::new(),
         set_aside: Vec::new(),
+        unused: Vec::new(),
         active_bounds: Vec::new(),
         kkt: None,
         estimate: Some(EstimateEntry::Split(1.0)),

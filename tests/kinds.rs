@@ -181,17 +181,21 @@ fn square_of(mechanism: &Mechanism, geometry: &Geometry, fresh: &[Sample]) -> f6
     fit.weighted_rms.powi(2) * rows as f64
 }
 
-/// Mean over seeds of the predicted error's square, and what theory expects of it.
+/// Sums over seeds of the predicted error's square, and of what theory expects of it.
+///
+/// The ratio of their roots has a standard deviation of `1 / sqrt(2 n)`, `n` being the directions that the data see times
+/// the seeds: 4 % for 60 directions of a hexapod and five seeds, 5 % for 30 of an arm and eight.
 fn against_theory(machine: &str, kind: &str, count: usize) -> (f64, f64) {
     let problem = problem(machine, &data(machine, kind));
     let (mut found_square, mut expected) = (0.0, 0.0);
-    for seed in 1..=8 {
+    let seeds = if machine == "hexapod-6ups" { 5 } else { 8 };
+    for seed in 1..=seeds {
         let (_, samples, fresh) = simulated(&problem, &[count], seed);
         let found = identified(&problem, &samples);
         found_square += square_of(&problem.mechanism, &found.geometry, &fresh);
         expected += expected_square(&problem.mechanism, &samples, &fresh, &found.deviations);
     }
-    (found_square / 8.0, expected / 8.0)
+    (found_square, expected)
 }
 
 fn every_kind_reaches_its_bound(machine: &str, kinds: &[&str]) {
@@ -205,13 +209,23 @@ fn every_kind_reaches_its_bound(machine: &str, kinds: &[&str]) {
 }
 
 #[test]
-fn external_kinds_reach_their_bound_on_a_hexapod() {
-    every_kind_reaches_its_bound("hexapod-6ups", &["pose", "position", "distance"]);
+fn poses_and_positions_reach_their_bound_on_a_hexapod() {
+    every_kind_reaches_its_bound("hexapod-6ups", &["pose", "position"]);
 }
 
 #[test]
-fn kinds_of_its_own_reach_their_bound_on_a_hexapod() {
-    every_kind_reaches_its_bound("hexapod-6ups", &["separation", "plane", "passive-joint"]);
+fn distances_reach_their_bound_on_a_hexapod() {
+    every_kind_reaches_its_bound("hexapod-6ups", &["distance"]);
+}
+
+#[test]
+fn separations_reach_their_bound_on_a_hexapod() {
+    every_kind_reaches_its_bound("hexapod-6ups", &["separation"]);
+}
+
+#[test]
+fn planes_and_passive_joints_reach_their_bound_on_a_hexapod() {
+    every_kind_reaches_its_bound("hexapod-6ups", &["plane", "passive-joint"]);
 }
 
 #[test]
@@ -221,13 +235,14 @@ fn every_kind_reaches_its_bound_on_a_robot_arm() {
 
 #[test]
 fn positions_for_all_and_poses_for_a_few_beat_either_part() {
-    for machine in MACHINES {
+    // 30 directions of an arm need more seeds than 60 of a hexapod for the same spread.
+    for (machine, seeds) in MACHINES.into_iter().zip([4, 8]) {
         let noise = json!({"angle": 2e-5, "length": 1e-5});
         let sets = json!({"noise": noise, "sets": [{"kind": "position"}, {"kind": "pose"}]});
         let problem = problem(machine, &sets);
         let mut squares = [0.0; 3];
         let mut expected = 0.0;
-        for seed in 1..=6 {
+        for seed in 1..=seeds {
             let (_, samples, fresh) = simulated(&problem, &[60, 6], seed);
             // The last 30 of the hold-out are whole poses.
             let fresh = &fresh[30..];

@@ -78,7 +78,7 @@ fn foreign_columns() {
     let bad = |key, value, parts: &[&str]| assert_message(&with(key, value).unwrap_err(), parts);
     bad("where", json!({"split": "trian"}), &["d.csv", "no rows with split = trian; split holds `"]);
     bad("where", json!({"sort": "train"}), &["d.csv: line 1", "no column `sort`", "`split`"]);
-    bad("columns", json!({"actuators": ["a"]}), &["d.csv: line 1", "1 readings for 6 actuators"]);
+    bad("columns", json!({"actuators": ["a"]}), &["d.csv: line 1", "1 reading for 6 actuators"]);
     bad("columns", json!({"acts": []}), &["data.columns.acts", "unknown field"]);
 }
 
@@ -93,7 +93,7 @@ fn actuator_files() {
     };
     assert_message(
         &message("a.json", r#"{"samples": [{"actuators": [1]}]}"#),
-        &["samples[0].actuators (sample 1)", "1 readings for 6"],
+        &["samples[0].actuators (sample 1)", "1 reading for 6"],
     );
     assert_message(&message("a.json", r#"{"samples": []}"#), &["samples", "no rows"]);
     assert_message(&message("a.json", r#"{"sampels": []}"#), &["unknown field `sampels`"]);
@@ -105,7 +105,11 @@ fn actuator_files() {
     assert_message(&message("a.csv", "q1,q2,q3,q4,q5,q6\n1,2,3,4,5\n"), &["a.csv: line 2", "5 cells"]);
     assert_message(
         &message("a.csv", "a;b;c;d\n1;2;3;4\n"),
-        &["a.csv: line 1", "no column `limb1.leg` (or `q1`)", "`a;b;c;d`"],
+        &["a.csv: line 1", "columns are divided by ';'", "write commas"],
+    );
+    assert_message(
+        &message("a.csv", "a,b,c,d\n1,2,3,4\n"),
+        &["a.csv: line 1", "no column `limb1.leg` (or `q1`)", "`a`, `b`, `c`, `d`"],
     );
     assert_message(&message("a.csv", ""), &["a.csv", "empty"]);
     let text = "limb2.leg,limb1.leg,limb3.leg,limb4.leg,limb5.leg,limb6.leg\n2,1,3,4,5,6\n";

@@ -22,6 +22,10 @@ pub enum Correction {
     RotationScale(f64),
     /// Readings of all sliding (true) or turning (false) actuators times a factor.
     ActuatorScale(bool, f64),
+    /// Positions and readings of sliding actuators times a factor.
+    LengthScale(f64),
+    /// Rotation vectors and readings of turning actuators times a factor; true: what they read at home, too.
+    AngleScale(f64, bool),
     /// The rotation's inverse.
     Transposed,
     /// The quaternion's components from x, y, z, w.
@@ -55,9 +59,20 @@ pub fn corrections(mechanism: &Mechanism, data: &[Reading]) -> Vec<Correction> {
     let joints: Vec<&Joint> = actuated(mechanism);
     let angular: Vec<bool> = joints.iter().map(|joint| joint.motion.is_angular()).collect();
     let rotations = data.iter().all(|reading| reading.rotation.is_some());
+    let vectors = rotations && data.iter().all(|reading| reading.vector.is_some());
     let mut list = vec![Correction::PositionScale(1e-3), Correction::PositionScale(1e3)];
-    if rotations && data.iter().all(|reading| reading.vector.is_some()) {
+    if vectors {
         list.extend([Correction::RotationScale(DEGREE), Correction::RotationScale(1.0 / DEGREE)]);
+    }
+    if angular.contains(&false) {
+        list.extend([1e-3, 1e3].map(Correction::LengthScale));
+    }
+    if vectors && angular.contains(&true) {
+        let homes = joints.iter().any(|joint| joint.motion.is_angular() && joint.home != 0.0);
+        for factor in [DEGREE, 1.0 / DEGREE] {
+            list.push(Correction::AngleScale(factor, false));
+            list.extend(homes.then_some(Correction::AngleScale(factor, true)));
+        }
     }
     for (sliding, factors) in [(true, [1e-3, 1e3]), (false, [DEGREE, 1.0 / DEGREE])] {
         if angular.contains(&!sliding) {
@@ -92,7 +107,7 @@ pub fn corrections(mechanism: &Mechanism, data: &[Reading]) -> Vec<Correction> {
         list.push(Correction::FromHome);
     }
     list.extend([[0, 2, 1], [1, 0, 2], [2, 1, 0], [1, 2, 0], [2, 0, 1]].map(Correction::PositionOrder));
-    if rotations && data.iter().all(|reading| reading.vector.is_some()) {
+    if vectors {
         for factor in [1.0, DEGREE, 1.0 / DEGREE] {
             list.extend([true, false].map(|fixed| Correction::Euler(fixed, factor)));
         }
@@ -113,6 +128,15 @@ fn actuated(mechanism: &Mechanism) -> Vec<&Joint> {
 }
 
 impl Correction {
+    /// How many sets of numbers it fits to the data: readings at home, or a frame each; none for a plain mistake.
+    pub fn fitted(&self) -> usize {
+        match self {
+            Correction::Offsets => 1,
+            Correction::Elsewhere(FreeEnds { base, tool }) => usize::from(*base) + usize::from(*tool),
+            _ => 0,
+        }
+    }
+
     /// The machine and the data with this correction; `None` where it cannot be made.
     pub fn apply(&self, mechanism: &Mechanism, data: &[Reading]) -> Option<(Mechanism, Vec<Reading>)> {
         if let Correction::Elsewhere(free) = self {
@@ -135,7 +159,18 @@ impl Correction {
         for reading in &mut changed {
             self.change(reading, &joints, &found)?;
         }
-        Some((mechanism.clone(), changed))
+        let mut mechanism = mechanism.clone();
+        if let Correction::AngleScale(factor, true) = self {
+            let joints = mechanism.limbs.iter_mut().flat_map(|limb| &mut limb.joints);
+            joints.filter(|joint| joint.motion.is_angular()).for_each(|joint| joint.home *= factor);
+        }
+        Some((mechanism, changed))
+    }
+
+    /// Multiplies the readings of all sliding, or of all turning actuators.
+    fn scale(readings: &mut [f64], joints: &[&Joint], sliding: bool, factor: f64) {
+        let some = readings.iter_mut().zip(joints).filter(|(_, joint)| joint.motion.is_angular() != sliding);
+        some.for_each(|(reading, _)| *reading *= factor);
     }
 
     fn change(&self, reading: &mut Reading, joints: &[&Joint], found: &[f64]) -> Option<()> {
@@ -175,11 +210,16 @@ impl Correction {
                 turned(reading, inverse.r);
             }
             Correction::ActuatorScale(sliding, factor) => {
-                for (reading, _) in
-                    q.iter_mut().zip(joints).filter(|(_, j)| j.motion.is_angular() != *sliding)
-                {
-                    *reading *= *factor;
-                }
+                Self::scale(q, joints, *sliding, *factor);
+            }
+            Correction::LengthScale(factor) => {
+                Self::scale(q, joints, true, *factor);
+                reading.position *= *factor;
+            }
+            Correction::AngleScale(factor, _) => {
+                Self::scale(q, joints, false, *factor);
+                let w = vector(reading)? * *factor;
+                (reading.rotation, reading.vector) = (Some(so3::exp(&w)), Some(w));
             }
             Correction::Swapped(i, j) => q.swap(*i, *j),
             Correction::Shifted(places) => q.rotate_left(*places),
@@ -219,6 +259,17 @@ impl Correction {
             }
             Correction::ActuatorScale(false, f) => {
                 format!("readings of turning actuators look like {}", angles(*f))
+            }
+            Correction::LengthScale(f) => format!(
+                "measured positions and readings of sliding actuators look like {}: scale all of them by {f} (or it is the \
+                 drawing that has the other unit)",
+                lengths(*f)
+            ),
+            Correction::AngleScale(f, _) => {
+                format!(
+                    "readings of turning actuators and measured rotations look like {}: correct units.angle",
+                    angles(*f)
+                )
             }
             Correction::Transposed => {
                 "measured rotations look transposed (from {S} to {T}): invert them".to_owned()
@@ -271,7 +322,7 @@ impl Correction {
                         ("base and tool look", "the first joint of every limb, and \"tool_tolerance\",")
                     }
                     (true, false) => ("the base looks", "the first joint of every limb"),
-                    (false, _) => ("the tool looks", "\"tool_tolerance\""),
+                    (false, _) => ("the tool looks", "the last link of every limb (\"tool_tolerance\")"),
                 };
                 format!("{what} to stand elsewhere than drawn: set the tolerance of {how} to \"free\"")
             }

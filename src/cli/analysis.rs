@@ -1,6 +1,7 @@
 //! The analysis in words, and as JSON.
 
 use super::details::digits;
+use super::wording::counted;
 use crate::calibration::{Coordinates, Sample};
 use crate::design::Observability;
 use crate::files::json;
@@ -147,9 +148,9 @@ impl Report<'_> {
         let (r, p) = mechanism.joint_counts();
         let rows: usize = self.samples.iter().map(|sample| sample.measurement.rows()).sum();
         let mut text = format!(
-            "{}: {} limbs, {r} angular and {p} prismatic joints, {} actuated; {} {}, {rows} readings\n\n",
+            "{}: {}, {r} angular and {p} prismatic joints, {} actuated; {} {}, {rows} readings\n\n",
             self.name,
-            mechanism.limbs.len(),
+            counted(mechanism.limbs.len(), "limb"),
             mechanism.actuator_count(),
             self.samples.len(),
             self.what,
@@ -195,9 +196,10 @@ impl Report<'_> {
         let weak = counts.first_order - counts.practical;
         if weak > 0 {
             text.push_str(&format!(
-                "         {weak} are weak (singular values up to 1): one tolerance along each of these moves every \
+                "         {weak} {} weak (singular values up to 1): one tolerance along each of these moves every \
                  single pose by less\n         than its noise (change of all readings together in brackets, in \
-                 standard deviations):\n"
+                 standard deviations):\n",
+                if weak == 1 { "is" } else { "are" }
             ));
             push(&mut text, found.weak_words(mechanism), true);
         }

@@ -1,23 +1,21 @@
 //! `gough check`: whether a problem means what it should.
 
+use super::check_misfit::{misfit, others};
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
-use crate::check::misfit::median;
-use crate::check::offsets::offsets;
-use crate::check::{Correction, Finding, Reading, expected, misfits, repeats, search};
+use super::wording::counted;
+use crate::calibration::Sample;
+use crate::check::{Reading, repeats};
+use crate::files::units::LengthUnit;
 use crate::files::{DataPlaces, Output, ProblemFile, read_problem};
 use crate::model::{Joint, mobility};
 use nalgebra::Vector3;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Misfit, in terms of the largest that tolerances explain, above which something is wrong.
-const SUSPICIOUS: f64 = 2.0;
-/// Part of the machine's size that counts as explained where no tolerances are stated.
-const UNSTATED: f64 = 0.01;
-/// Postures listed.
-const WORST: usize = 3;
+/// Sizes of machines that people build, m.
+const SIZES: std::ops::Range<f64> = 0.003..60.0;
 /// Standard errors by which repeated postures may differ from the stated noise.
 const SURPRISE: f64 = 4.0;
 
@@ -42,16 +40,21 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let mut text = machine(&problem, posture.regularity());
     let data = readings(&problem);
     let mut suspicious = false;
-    if data.is_empty() {
-        text.push_str("\nno measured pose or position of the tool point itself to compare with\n");
+    if problem.data.is_empty() {
+        text.push_str("\nno measurements to compare the drawing with\n");
     } else {
-        actuators(&problem, &data, &mut text);
-        suspicious |= noise(&problem, &data, &mut text);
-        suspicious |=
-            with_spinner(format!("checking {}", problem.name), || residuals(&problem, &data, &mut text));
-        if !suspicious {
-            text.push_str("\nnothing suspicious\n");
-        }
+        let all: Vec<Reading> = problem.data.samples.iter().map(|sample| bare(&problem, sample)).collect();
+        actuators(&problem, &all, &mut text);
+        suspicious |= size(&problem, &mut text);
+        suspicious |= with_spinner(format!("checking {}", problem.name), || {
+            let poses =
+                !data.is_empty() && (noise(&problem, &data, &mut text) | misfit(&problem, &data, &mut text));
+            let others = others(&problem, &data, &mut text);
+            poses | others
+        });
+    }
+    if !suspicious {
+        text.push_str("\nnothing suspicious\n");
     }
     Output::Stdout.write(text.as_bytes())?;
     Ok(if suspicious { Ending::Suspicious } else { Ending::Done })
@@ -61,9 +64,9 @@ fn machine(problem: &ProblemFile, regularity: f64) -> String {
     let mechanism = &problem.mechanism;
     let (r, p) = mechanism.joint_counts();
     let mut text = format!(
-        "{}: {} limbs, {r} angular and {p} prismatic joints, {} actuated\n",
+        "{}: {}, {r} angular and {p} prismatic joints, {} actuated\n",
         problem.name,
-        mechanism.limbs.len(),
+        counted(mechanism.limbs.len(), "limb"),
         mechanism.actuator_count()
     );
     for (limb, drawn) in mechanism.limbs.iter().zip(&problem.drawing.mechanism.limbs) {
@@ -92,9 +95,39 @@ fn machine(problem: &ProblemFile, regularity: f64) -> String {
     text
 }
 
+/// Whether the machine is of a size that nobody builds, as with mm in a file that says m.
+fn size(problem: &ProblemFile, text: &mut String) -> bool {
+    let size = problem.mechanism.characteristic_length();
+    if SIZES.contains(&size) {
+        return false;
+    }
+    let (stated, other) = match problem.units.length {
+        LengthUnit::Metre => ("m", "mm"),
+        LengthUnit::Millimetre => ("mm", "m"),
+    };
+    let _ = writeln!(
+        text,
+        "\nsuspicious: the machine as drawn has a size of {size:.3} m: the file says {stated}, but its lengths look like \
+         {other}; correct units.length"
+    );
+    true
+}
+
+/// The readings of a sample alone.
+fn bare(problem: &ProblemFile, sample: &Sample) -> Reading {
+    let joints = joints(problem);
+    Reading {
+        name: sample.name.clone(),
+        actuators: sample.actuators.iter().zip(&joints).map(|(q, joint)| q + joint.home).collect(),
+        position: Vector3::zeros(),
+        rotation: None,
+        vector: None,
+        quaternion: false,
+    }
+}
+
 /// Positions and poses that were measured wholly.
 fn readings(problem: &ProblemFile) -> Vec<Reading> {
-    let joints: Vec<&Joint> = joints(problem);
     let data = &problem.data;
     let mut found = Vec::with_capacity(data.samples.len());
     for ((sample, measured), written) in data.samples.iter().zip(&data.measured).zip(&data.written) {
@@ -104,12 +137,11 @@ fn readings(problem: &ProblemFile) -> Vec<Reading> {
         let rotation = measured.rotation.then_some(measured.pose.r);
         let vector = written.rotation.and_then(|[x, y, z]| Some(Vector3::new(x?, y?, z?)));
         found.push(Reading {
-            name: sample.name.clone(),
-            actuators: sample.actuators.iter().zip(&joints).map(|(q, joint)| q + joint.home).collect(),
             position: measured.pose.p,
             rotation,
             vector: vector.filter(|_| rotation.is_some()).map(|w| w.map(|v| problem.units.to_radians(v))),
             quaternion: written.quaternion.is_some(),
+            ..bare(problem, sample)
         });
     }
     // One kind at a time: poses where there are any.
@@ -119,7 +151,7 @@ fn readings(problem: &ProblemFile) -> Vec<Reading> {
     found
 }
 
-fn joints(problem: &ProblemFile) -> Vec<&Joint> {
+pub(super) fn joints(problem: &ProblemFile) -> Vec<&Joint> {
     problem.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated).collect()
 }
 
@@ -156,8 +188,12 @@ fn noise(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
     let (length, angle) = (problem.units.length_symbol(), problem.units.angle_symbol());
     let _ = write!(
         text,
-        "\n{} postures were measured more than once, {} times in all: noise {:.3e} {length}",
-        found.groups,
+        "\n{} measured more than once, {} times in all: noise {:.3e} {length}",
+        if found.groups == 1 {
+            "1 posture was".to_owned()
+        } else {
+            format!("{} postures were", found.groups)
+        },
         found.samples,
         problem.units.from_metres(found.length)
     );
@@ -182,102 +218,4 @@ fn noise(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
         }
     }
     surprising
-}
-
-/// How far the drawing is from the data, and which mistake would explain it; whether there is one.
-fn residuals(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
-    let mechanism = &problem.mechanism;
-    let stated = problem.require_tolerances().is_ok();
-    let position_only = data.iter().all(|reading| reading.rotation.is_none());
-    let explained = expected(mechanism, problem.data.noise.as_ref(), position_only);
-    let size = mechanism.characteristic_length();
-    let limit = if stated { SUSPICIOUS * explained } else { UNSTATED * size };
-    let shown = |metres: f64| {
-        if metres.is_finite() {
-            format!("{:.4} {}", problem.units.from_metres(metres), problem.units.length_symbol())
-        } else {
-            "no closed posture".to_owned()
-        }
-    };
-    let finding = search(mechanism, data, limit);
-    let all = misfits(mechanism, data);
-    let _ = writeln!(
-        text,
-        "\ndrawing against data: median {}; {} explain up to {} (rotations count with the machine's size, {})",
-        shown(finding.before),
-        if stated { "tolerances and noise" } else { "no tolerances are stated; 1 % of the size would" },
-        shown(if stated { explained } else { limit }),
-        shown(size)
-    );
-    let mut order: Vec<usize> = (0..data.len()).collect();
-    order.sort_by(|a, b| all[*b].total_cmp(&all[*a]));
-    let worst = order.iter().take(WORST).map(|&k| format!("{} {}", data[k].name, shown(all[k])));
-    let _ = writeln!(text, "  worst as drawn: {}", worst.collect::<Vec<_>>().join(", "));
-    if finding.before <= limit {
-        let far: Vec<&str> = order
-            .iter()
-            .filter(|k| all[**k] > 5.0 * limit.max(median(&all)))
-            .map(|k| data[*k].name.as_str())
-            .collect();
-        if far.is_empty() || all.len() < 4 {
-            return false;
-        }
-        let _ = writeln!(
-            text,
-            "\nsuspicious: {} postures are far from the others: {}",
-            far.len(),
-            far.join(", ")
-        );
-        return true;
-    }
-    text.push('\n');
-    words(problem, data, &finding, limit, text);
-    true
-}
-
-fn words(problem: &ProblemFile, data: &[Reading], finding: &Finding, limit: f64, text: &mut String) {
-    let mechanism = &problem.mechanism;
-    let units = problem.units;
-    let length = units.length_symbol();
-    if finding.corrections.is_empty() {
-        let _ = writeln!(
-            text,
-            "suspicious: the data do not fit the drawing, and no usual mistake (units, signs, order of actuators, \
-             of axes or of quaternions, inverted rotations or poses, home, base and tool elsewhere) explains why; \
-             check the drawing, or the tolerances"
-        );
-        return;
-    }
-    let mut machine = (mechanism.clone(), data.to_vec());
-    for correction in &finding.corrections {
-        let _ = writeln!(text, "suspicious: {}", correction.words(mechanism));
-        if *correction == Correction::Offsets
-            && let Some(found) = offsets(&machine.0, &machine.1)
-        {
-            for ((name, joint), offset) in mechanism.actuator_names().iter().zip(joints(problem)).zip(found) {
-                let least =
-                    if joint.motion.is_angular() { limit / mechanism.characteristic_length() } else { limit };
-                if offset.abs() > least {
-                    let home = units.from_joint(joint.motion, joint.home - offset);
-                    let _ = writeln!(
-                        text,
-                        "  {name}: \"home\": {home:.6} instead of {:.6}",
-                        units.from_joint(joint.motion, joint.home)
-                    );
-                }
-            }
-        }
-        if let Some(next) = correction.apply(&machine.0, &machine.1) {
-            machine = next;
-        }
-    }
-    for other in &finding.alternatives {
-        let _ = writeln!(text, "  or: {}", other.words(mechanism));
-    }
-    let before = if finding.before.is_finite() {
-        format!("{:.4} {length}", units.from_metres(finding.before))
-    } else {
-        "no closed posture".to_owned()
-    };
-    let _ = writeln!(text, "  residual {before} -> {:.4} {length}", units.from_metres(finding.after));
 }

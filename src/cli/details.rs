@@ -1,6 +1,7 @@
 //! The details of a summary: errors of single kinds of measurement, constants of the instrument, largest deviations.
 
 use super::summary::Summary;
+use super::wording::counted;
 use crate::identify::score::Spread;
 use crate::identify::{Fit, Variance};
 use crate::model::Quantity;
@@ -17,6 +18,27 @@ pub(super) fn digits(value: f64) -> String {
     }
     let before = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
     format!("{value:.*}", usize::try_from(3 - before).unwrap_or(0))
+}
+
+/// Samples of weight 0: what the result makes of them.
+pub(super) fn unused(of: &Summary<'_>) -> String {
+    let units = of.problem.units;
+    let line = |(name, fit): &(String, Option<Fit>)| {
+        let Some(fit) = fit else { return format!("  {name}: its loops do not close\n") };
+        let metres =
+            |spread: Spread| format!("{} {}", digits(units.from_metres(spread.rms)), units.length_symbol());
+        let radians =
+            |spread: Spread| format!("{} {}", digits(units.from_radians(spread.rms)), units.angle_symbol());
+        let lengths = [fit.position, fit.distance, fit.plane, fit.joint_length].map(|part| part.map(metres));
+        let angles = [fit.rotation, fit.joint_angle].map(|part| part.map(radians));
+        let parts: Vec<String> = lengths.into_iter().chain(angles).flatten().collect();
+        format!("  {name}: off by {}, {} in noise\n", parts.join(", "), digits(fit.weighted_rms))
+    };
+    if of.unused.is_empty() {
+        return String::new();
+    }
+    let lines: String = of.unused.iter().map(line).collect();
+    format!("\n{} of weight 0, not used:\n{lines}", counted(of.unused.len(), "sample"))
 }
 
 /// Errors of what is neither a position nor a rotation, a line each: before and after, and of what was left out.

@@ -10,9 +10,6 @@ use crate::formats::{FormatError, Wrong, dh, urdf};
 use clap::ValueEnum;
 use std::path::PathBuf;
 
-/// Offset of a row of a table, m, above which a warning says that its axes are nearly parallel.
-const FAR: f64 = 100.0;
-
 /// Arguments.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -107,11 +104,14 @@ fn dh_text(args: &Args, model: &Model, file: &str) -> Result<String, CliError> {
             model.units.from_radians(*apart)
         );
     }
-    if table.farthest > FAR {
+    for (axes, apart, d) in &table.nearly_parallel {
         eprintln!(
-            "warning: axes that are nearly parallel put an offset d of {:.3e} {length} into the table; \
-             --parallel ANGLE writes them as parallel",
-            model.units.from_metres(table.farthest)
+            "warning: {axes} are {:.2e} {angle} from parallel: their common normal lies {:.3e} {length} along the axis, \
+             and the table has that as an offset d, which small errors of the angle change by as much; write them as \
+             parallel with --parallel {:.2e} (it says what that costs), or keep the machine as a result or as URDF",
+            model.units.from_radians(*apart),
+            model.units.from_metres(*d),
+            model.units.from_radians(*apart) * 1.01,
         );
     }
     Ok(table.text(model.units))

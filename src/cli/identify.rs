@@ -5,6 +5,7 @@ use super::error::CliError;
 use super::progress::with_spinner;
 use super::ranges::{out_of_range, warn_of_home};
 use super::summary::{Summary, summary};
+use super::wording::counted;
 use crate::calibration::Sample;
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
 use crate::identify::score::{score, set_aside};
@@ -82,8 +83,9 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     }
     if !problem.data.has_noise() && own > 0 {
         return Err(CliError::Usage(format!(
-            "{}: data: {own} samples state their own noise and the others have none; state data.noise",
-            problem.file
+            "{}: data: noise is stated by {} and by no other; state data.noise",
+            problem.file,
+            counted(own, "sample")
         )));
     }
     let chosen = args.holdout.map(|fraction| (fraction, args.seed));
@@ -91,7 +93,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let folds =
         args.cross_validate.as_deref().map(|text| folds(text, training.len(), args.seed)).transpose()?;
     let stop = Stop::default();
-    let message = format!("identifying {} from {} postures", problem.name, training.len());
+    let message = format!("identifying {} from {}", problem.name, counted(training.len(), "posture"));
     let outcome = with_spinner(message, || match problem.data.has_noise() {
         true => {
             identify(&problem.mechanism, &training, identifier.as_ref(), &stop).map(|found| (found, None))
@@ -134,6 +136,13 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     );
     let holdout_set_aside = set_aside(&found.start, &found.geometry, &holdout);
     let report = Summary {
+        unused: (problem.data.unused.iter())
+            .map(|s| {
+                let weighed =
+                    noise.as_ref().map_or_else(|| vec![s.clone()], |n| n.weigh(std::slice::from_ref(s)));
+                (s.name.clone(), score(&found.start, &found.geometry, &weighed))
+            })
+            .collect(),
         problem: &problem,
         repeated: repeated(&training),
         shared: shared(&training, &holdout),

@@ -3,6 +3,7 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::import_csv;
+use super::wording::counted;
 use crate::files::tolerance::{Spread, ToleranceDrawing};
 use crate::files::{
     AngleUnit, DataPlaces, LengthUnit, Output, ProblemDrawing, Units, json, problem::parse_problem, read_text,
@@ -221,6 +222,6 @@ pub(super) fn problem_text(drawing: &ProblemDrawing) -> Result<Vec<u8>, CliError
 fn summary(drawing: &ProblemDrawing, actuators: &[String]) -> String {
     let limbs = drawing.mechanism.limbs.len();
     let name = drawing.name.as_deref().unwrap_or_default();
-    let plural = if limbs == 1 { "limb" } else { "limbs" };
-    format!("{name}: {limbs} {plural}, {} actuators: {}", actuators.len(), actuators.join(", "))
+    let (limbs, driven) = (counted(limbs, "limb"), counted(actuators.len(), "actuator"));
+    format!("{name}: {limbs}, {driven}: {}", actuators.join(", "))
 }

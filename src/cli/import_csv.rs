@@ -3,14 +3,18 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::import::{AngleName, LengthName, problem_text, units};
+use super::wording::counted;
 use crate::files::columns::ColumnsDrawing;
-use crate::files::table::{self, OtherColumns, PoseColumns, TableRequest};
+use crate::files::table::{self, OtherColumns, PoseColumns, TableRequest, TableRow};
 use crate::files::{
     DataDrawing, DataPlaces, Kind, Output, PoseDrawing, ProblemFile, SampleDrawing, Units, read_problem,
 };
 use crate::model::Motion;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+
+/// Our name of the column of weights.
+const WEIGHT: &str = "weight";
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -69,13 +73,12 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         .filter(|joint| joint.actuated)
         .map(|joint| joint.motion)
         .collect();
-    let samples: Vec<SampleDrawing> =
-        rows.into_iter().map(|row| convert.sample(&motions, row.readings, row.pose)).collect();
+    let samples: Vec<SampleDrawing> = rows.into_iter().map(|row| convert.sample(&motions, row)).collect();
     let count = samples.len();
     let mut drawing = problem.drawing.clone();
     let stated = drawing.data.take().unwrap_or_default();
     let kind = if position_only { Some(Kind::Position.name().to_owned()) } else { stated.kind.clone() };
-    let origin = Some(format!("{file}, {count} rows"));
+    let origin = Some(format!("{file}, {}", counted(count, "row")));
     drawing.data = Some(if args.holdout {
         let holdout = DataDrawing { kind, origin, samples: Some(samples), ..DataDrawing::default() };
         DataDrawing { holdout: Some(Box::new(holdout)), ..stated }
@@ -91,7 +94,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         }
     });
     output.write(&problem_text(&drawing)?)?;
-    eprintln!("{count} rows of {file}; `gough check` says whether they fit the machine");
+    eprintln!("{} of {file}; `gough check` says whether they fit the machine", counted(count, "row"));
     Ok(Ending::Done)
 }
 
@@ -151,7 +154,7 @@ impl Map {
         file: &str,
     ) -> Result<ColumnsDrawing, CliError> {
         let numbers: Vec<String> = (1..=actuators.len()).map(|i| format!("q{i}")).collect();
-        let fixed = POSITION.iter().chain(&ROTATION).chain(&QUATERNION);
+        let fixed = POSITION.iter().chain(&ROTATION).chain(&QUATERNION).chain(&[WEIGHT]);
         let known: Vec<&str> =
             fixed.copied().chain(actuators.iter().chain(&numbers).map(String::as_str)).collect();
         if let Some(unknown) = self.0.keys().find(|name| !known.contains(&name.as_str())) {
@@ -192,6 +195,9 @@ impl Map {
             }
             columns.quaternion = Some(QUATERNION.map(|name| self.theirs(name)));
         }
+        if wants(&[WEIGHT]) {
+            columns.weight = Some(column(&[WEIGHT])?);
+        }
         Ok(columns)
     }
 }
@@ -217,7 +223,7 @@ impl Conversion {
         }
     }
 
-    fn sample(&self, motions: &[Motion], readings: Vec<f64>, pose: PoseDrawing) -> SampleDrawing {
+    fn sample(&self, motions: &[Motion], TableRow { readings, pose, weight, .. }: TableRow) -> SampleDrawing {
         let scaled = |values: [Option<f64>; 3], factor: f64| values.map(|v| v.map(|v| v * factor));
         let actuators = readings
             .into_iter()
@@ -230,6 +236,7 @@ impl Conversion {
                 rotation: pose.rotation.map(|w| scaled(w, self.angle)),
                 quaternion: pose.quaternion,
             },
+            weight,
             ..SampleDrawing::default()
         }
     }

@@ -3,6 +3,7 @@
 pub mod analysis;
 pub mod analyze;
 pub mod check;
+mod check_misfit;
 pub mod command;
 pub mod compare;
 mod details;

@@ -23,7 +23,7 @@ const SHOWN: usize = 5;
 pub struct Args {
     /// Problem or result file: its machine predicts
     model: PathBuf,
-    /// Actuator readings: CSV with a column each, or JSON with samples
+    /// Actuator readings: CSV with a column each, or JSON with samples (a problem file: those of its data, all sets)
     #[arg(long, value_name = "FILE")]
     actuators: PathBuf,
     /// State the standard deviation of every component and the covariance (results only)

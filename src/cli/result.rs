@@ -8,7 +8,7 @@ use crate::files::place::Place;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, Deviation,
-    LinkResult, PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, WeightEntry,
+    LinkResult, PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry,
 };
 use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Variance};
@@ -92,6 +92,14 @@ impl Summary<'_> {
             warnings: self.warnings(),
             set_aside: entries(&found.set_aside, units),
             holdout_set_aside: entries(&self.holdout_set_aside, units),
+            unused: self
+                .unused
+                .iter()
+                .map(|(sample, fit)| UnusedEntry {
+                    sample: sample.clone(),
+                    errors: fit.map(|fit| errors(Some(fit), units)),
+                })
+                .collect(),
             active_bounds: report
                 .active
                 .iter()

@@ -1,6 +1,6 @@
 //! The report of one identification: its summary for people.
 
-use super::details::{digits, instrument, largest, other_errors};
+use super::details::{digits, instrument, largest, other_errors, unused};
 use super::wording::counted;
 use crate::calibration::SetAside;
 use crate::files::ProblemFile;
@@ -22,6 +22,8 @@ pub struct Summary<'a> {
     pub repeated: usize,
     /// Samples that are in the hold-out as well as in the training.
     pub shared: Vec<String>,
+    /// Samples of weight 0, as the result predicts them; `None` where they do not close.
+    pub unused: Vec<(String, Option<Fit>)>,
     /// Readings outside the ranges that the drawing states, by actuator.
     pub out_of_range: Vec<String>,
     /// Noise, where it was estimated.
@@ -76,12 +78,12 @@ pub fn summary(of: &Summary<'_>) -> String {
     let (r, p) = mechanism.joint_counts();
     let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
     let mut text = format!(
-        "{}: {}, {r} angular and {p} prismatic joints, {} actuated\n{}, {} readings; {}: {} ({})\n\n",
+        "{}: {}, {r} angular and {p} prismatic joints, {} actuated\n{}, {}; {}: {} ({})\n\n",
         problem.name,
         counted(mechanism.limbs.len(), "limb"),
         mechanism.actuator_count(),
         counted(taking_part, "posture"),
-        found.rows,
+        counted(found.rows, "reading"),
         found.report.identifier,
         found.report.outcome,
         counted(found.trace.len(), "iteration"),
@@ -163,6 +165,7 @@ pub fn summary(of: &Summary<'_>) -> String {
         ),
         (None, None) => {}
     }
+    text.push_str(&unused(of));
     text.push_str(&other_errors(of));
     text.push_str(&instrument(of));
     text.push_str(&largest(of));

@@ -21,7 +21,7 @@ pub fn expected(info: &Information, information: &Mat<f64>) -> Option<Expected> 
     let part = |first: usize| {
         Spread::of((0..by.nrows() / ROWS).map(|posture| {
             let rows = ROWS * posture + first..ROWS * posture + first + 3;
-            rows.map(variance).sum::<f64>().max(0.0).sqrt()
+            (1.0, rows.map(variance).sum::<f64>().max(0.0).sqrt())
         }))
     };
     Some(Expected { rotation: part(0)?, position: part(3)? })

@@ -2,7 +2,7 @@
 
 use super::bytes::{first_byte, read_bytes};
 use super::columns::ColumnsDrawing;
-use super::error::FileError;
+use super::error::{FileError, quoted};
 use super::fault::Fault;
 use super::json;
 use super::place::Place;
@@ -43,11 +43,18 @@ struct ActuatorFile {
     _mechanism: Option<IgnoredAny>,
     #[serde(rename = "truth")]
     _truth: Option<IgnoredAny>,
+    #[serde(rename = "truth_instrument")]
+    _truth_instrument: Option<IgnoredAny>,
+    #[serde(rename = "benchmark")]
+    _benchmark: Option<IgnoredAny>,
 }
 
+/// Samples, or sets that hold them.
 #[derive(Deserialize)]
 struct ProblemData {
     samples: Option<Vec<Readings>>,
+    sets: Option<Vec<ProblemData>>,
+    file: Option<String>,
 }
 
 /// Other keys are left aside, so that measured samples and predicted poses can be read too.
@@ -92,22 +99,48 @@ fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>
     let content: ActuatorFile = json::parse(file, bytes)?;
     let whole = Place::file(file);
     let data = whole.key("data");
-    let (list, samples) = match (content.samples, content.data) {
-        (None, Some(stated)) => (data.key("samples"), stated.samples.unwrap_or_default()),
-        (samples, _) => (whole.key("samples"), samples.unwrap_or_default()),
-    };
-    if samples.is_empty() {
-        return Err(list.error(Fault::NoRows(String::new())));
-    }
-    let mut rows = Vec::with_capacity(samples.len());
-    for (i, sample) in samples.into_iter().enumerate() {
-        let name = format!("sample {}", i + 1);
-        let entry = list.index(i);
-        let here = entry.named(&name);
-        let variables = variables(&model.mechanism, model.units, &sample.actuators, &here.key("actuators"))?;
-        rows.push(ActuatorRow { name: name.clone(), readings: sample.actuators, variables });
+    let mut rows = Vec::new();
+    match (content.samples, content.data) {
+        (None, Some(ProblemData { sets: Some(sets), .. })) => {
+            let list = data.key("sets");
+            for (i, set) in sets.into_iter().enumerate() {
+                set.add_rows(&format!("set {} ", i + 1), &list.index(i), model, &mut rows)?;
+            }
+        }
+        (None, Some(stated)) => stated.add_rows("", &data, model, &mut rows)?,
+        (samples, _) => {
+            ProblemData { samples, sets: None, file: None }.add_rows("", &whole, model, &mut rows)?;
+        }
     }
     Ok(rows)
+}
+
+impl ProblemData {
+    fn add_rows(
+        self,
+        prefix: &str,
+        at: &Place<'_>,
+        model: &Model,
+        rows: &mut Vec<ActuatorRow>,
+    ) -> Result<(), FileError> {
+        if let Some(table) = self.file {
+            return Err(at.key("file").error(Fault::ReadingsElsewhere(quoted(&table))));
+        }
+        let list = at.key("samples");
+        let samples = self.samples.unwrap_or_default();
+        if samples.is_empty() {
+            return Err(list.error(Fault::NoRows(String::new())));
+        }
+        for (i, sample) in samples.into_iter().enumerate() {
+            let name = format!("{prefix}sample {}", i + 1);
+            let entry = list.index(i);
+            let here = entry.named(&name);
+            let readings_at = here.key("actuators");
+            let variables = variables(&model.mechanism, model.units, &sample.actuators, &readings_at)?;
+            rows.push(ActuatorRow { name: name.clone(), readings: sample.actuators, variables });
+        }
+        Ok(())
+    }
 }
 
 fn from_table(file: &str, short: &str, bytes: &[u8], model: &Model) -> Result<Vec<ActuatorRow>, FileError> {

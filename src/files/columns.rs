@@ -52,6 +52,9 @@ pub struct ColumnsDrawing {
     /// Of the gauge's name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gauge: Option<String>,
+    /// Of the samples' weights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight: Option<String>,
 }
 
 impl ColumnsDrawing {
@@ -72,7 +75,7 @@ impl ColumnsDrawing {
             .chain(self.second.iter().flatten())
             .chain(self.joints.iter().flatten())
             .chain([&self.distance, &self.height, &self.target].into_iter().flatten())
-            .chain([&self.point, &self.plane, &self.gauge].into_iter().flatten())
+            .chain([&self.point, &self.plane, &self.gauge, &self.weight].into_iter().flatten())
             .collect();
         named.sort_unstable();
         match named.windows(2).find(|pair| pair.first() == pair.last()).and_then(<[_]>::first) {
@@ -95,6 +98,7 @@ pub(super) struct Layout {
     pub joints: Vec<usize>,
     /// Columns of names: target, point, plane, gauge.
     pub names: [Option<usize>; 4],
+    pub weight: Option<usize>,
     /// Columns that must hold a text for the row to count.
     pub filter: Vec<(usize, String)>,
 }
@@ -220,7 +224,7 @@ impl Header<'_> {
                 && !layout.second.contains(i)
                 && !layout.joints.contains(i)
                 && !layout.names.contains(&Some(*i))
-                && ![layout.distance, layout.height].contains(&Some(*i))
+                && ![layout.distance, layout.height, layout.weight].contains(&Some(*i))
                 && !layout.filter.iter().any(|(column, _)| column == i)
                 && !ours.contains(name)
         });
@@ -262,6 +266,10 @@ impl Layout {
             layout.filter.push((header.need(name)?, text.clone()));
         }
         header.others(request, &mut layout)?;
+        layout.weight = match request.columns.and_then(|c| c.weight.as_ref()) {
+            Some(name) => Some(header.need(name)?),
+            None => header.find("weight"),
+        };
         // Where only readings are wanted, other columns do no harm.
         let only_readings =
             request.poses == PoseColumns::Ignored && request.others == OtherColumns::default();

@@ -1,22 +1,20 @@
 //! The `data` of a problem file: where the measured postures are, and what is known of their noise.
 
 use super::columns::ColumnsDrawing;
-use super::dataset::{Blank, DataSet, Kind, PlannedPosture};
+use super::dataset::{DataSet, Kind};
 use super::error::FileError;
 use super::fault::Fault;
+use super::filling::Filling;
 use super::instrument::{Instrument, InstrumentDrawing};
-use super::kinds::{self, Reader, Written};
+use super::kinds::{self, Reader};
 use super::noise::{CovarianceDrawing, NoiseDrawing, assumed_noise, read_noise};
 use super::place::Place;
 use super::pose::PoseDrawing;
 use super::problem::DataPlaces;
-use super::readings::{readings, variables};
-use super::table::{self, PoseColumns, TableRequest};
+use super::readings::readings;
 use super::units::Units;
-use crate::calibration::Sample;
 use crate::lie::Se3;
 use crate::model::Mechanism;
-use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -114,11 +112,14 @@ pub struct SampleDrawing {
     /// Instead of `noise`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CovarianceDrawing>,
+    /// Factor on what the sample is worth, 1 where left out; with 0 it is not used, only predicted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight: Option<f64>,
 }
 
 impl SampleDrawing {
     /// Whether nothing was read but the actuators of one posture: it is planned, not measured.
-    fn is_planned(&self) -> bool {
+    pub(super) fn is_planned(&self) -> bool {
         self.pose.is_empty()
             && self.second.is_none()
             && self.distance.is_none()
@@ -263,133 +264,5 @@ impl DataDrawing {
         }
         filling.add_blanks(at)?;
         Ok(filling.set)
-    }
-}
-
-/// A set of data while it is read.
-struct Filling<'a> {
-    set: DataSet,
-    /// Covariance by which samples are weighted.
-    weight: Matrix6<f64>,
-    context: &'a Context<'a>,
-    reader: Reader<'a>,
-    /// What samples refer to that name nothing themselves.
-    common: &'a DataDrawing,
-    /// Of the names of samples.
-    prefix: &'a str,
-}
-
-impl Filling<'_> {
-    fn add_samples(&mut self, samples: &[SampleDrawing], at: &Place<'_>) -> Result<(), FileError> {
-        let list = at.key("samples");
-        for (i, sample) in samples.iter().enumerate() {
-            let name = format!("{}sample {}", self.prefix, i + 1);
-            let entry = list.index(i);
-            let here = entry.named(&name);
-            let (noise, covariance) = (sample.noise.as_ref(), sample.covariance.as_ref());
-            let needs = self.set.kind.needs(&self.reader.sensed);
-            let own = read_noise(noise, covariance, needs, self.context.units, &here)?;
-            self.add(name.clone(), sample.clone(), &here, true, own)?;
-        }
-        Ok(())
-    }
-
-    fn add_table(&mut self, drawing: &DataDrawing, file: &str, at: &Place<'_>) -> Result<(), FileError> {
-        let path = self.context.places.find(self.context.folder, file, &at.key("file"))?;
-        let names = self.context.mechanism.actuator_names();
-        let joints: Vec<String> = self.reader.sensed.iter().map(|joint| joint.name.clone()).collect();
-        let request = TableRequest {
-            actuators: &names,
-            columns: drawing.columns.as_ref(),
-            filter: drawing.filter.as_ref(),
-            poses: match self.set.kind {
-                Kind::Pose => PoseColumns::Complete,
-                Kind::Position => PoseColumns::Position,
-                _ => PoseColumns::Ignored,
-            },
-            others: self.set.kind.columns(&joints),
-        };
-        let shown = path.display().to_string();
-        let whole = Place::file(&shown);
-        let short =
-            path.file_name().map_or_else(|| shown.clone(), |name| name.to_string_lossy().into_owned());
-        for row in table::parse(&shown, &table::read(&path)?, &request)? {
-            let line = whole.line(row.line);
-            let name = format!("{}{short} line {}", self.prefix, row.line);
-            let [target, point, plane, gauge] = row.names;
-            let sample = SampleDrawing {
-                actuators: row.readings,
-                pose: row.pose,
-                second: request.others.second.then_some(row.second),
-                distance: row.distance,
-                height: row.height,
-                joints: (!joints.is_empty()).then_some(row.joints),
-                target,
-                point,
-                plane,
-                gauge,
-                ..SampleDrawing::default()
-            };
-            self.add(name, sample, &line, false, None)?;
-        }
-        Ok(())
-    }
-
-    /// What a sample without names of its own refers to.
-    fn name_things(&self, sample: &mut SampleDrawing) {
-        let common = self.common;
-        for (own, other) in [
-            (&mut sample.target, &common.target),
-            (&mut sample.point, &common.point),
-            (&mut sample.plane, &common.plane),
-            (&mut sample.gauge, &common.gauge),
-        ] {
-            if own.is_none() {
-                own.clone_from(other);
-            }
-        }
-    }
-
-    fn add(
-        &mut self,
-        name: String,
-        mut sample: SampleDrawing,
-        at: &Place<'_>,
-        keyed: bool,
-        own: Option<Matrix6<f64>>,
-    ) -> Result<(), FileError> {
-        self.name_things(&mut sample);
-        let written = Written { sample: &sample, at, keyed };
-        let readings_at = written.part("actuators");
-        let Context { mechanism, units, .. } = *self.context;
-        let actuators = variables(mechanism, units, &sample.actuators, &readings_at)?;
-        if sample.is_planned() {
-            self.set.planned.push(PlannedPosture { name, actuators });
-            return Ok(());
-        }
-        let (measurement, measured) = self.reader.measurement(&written, &self.weight, own)?;
-        self.set.samples.push(Sample { name, actuators, measurement });
-        self.set.measured.push(measured);
-        self.set.written.push(sample.pose);
-        Ok(())
-    }
-
-    /// What this set could measure: planning and simulation start from it.
-    fn add_blanks(&mut self, at: &Place<'_>) -> Result<(), FileError> {
-        let mut common = SampleDrawing::default();
-        self.name_things(&mut common);
-        let sensed = self.reader.sensed.iter().map(|s| (s.joint.motion, s.joint.home));
-        let sensed: Vec<_> = sensed.collect();
-        for drawing in self.reader.blanks(&common) {
-            let written = Written { sample: &drawing, at, keyed: false };
-            let (measurement, _) = self.reader.measurement(&written, &self.weight, None)?;
-            self.set.blanks.push(Blank { drawing, measurement, sensed: sensed.clone() });
-        }
-        let driven = self.reader.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|j| j.actuated);
-        self.set.angles_only =
-            driven.chain(self.reader.sensed.iter().map(|s| s.joint)).all(|j| j.motion.is_angular())
-                && !self.reader.sensed.is_empty();
-        self.set.sensed = self.reader.sensed.iter().map(|s| (s.at.limb, s.name.clone())).collect();
-        Ok(())
     }
 }

@@ -8,7 +8,7 @@ use super::pose::{Components, PoseDrawing};
 use crate::calibration::Sample;
 use crate::lie::Se3;
 use crate::measure::pose::NotPositive;
-use crate::measure::{Measurement, Pose, Weights};
+use crate::measure::{Measurement, Pose, Weighted, Weights};
 use crate::model::Motion;
 use nalgebra::Matrix6;
 use std::sync::Arc;
@@ -117,6 +117,8 @@ pub struct DataSet {
     pub kind: Kind,
     /// The samples, weighted by the stated noise, or else by [`super::noise::assumed_noise`].
     pub samples: Vec<Sample>,
+    /// Samples of weight 0: they are predicted, never used.
+    pub unused: Vec<Sample>,
     /// What was measured in each of the samples.
     pub measured: Vec<MeasuredPose>,
     /// The same as the file writes it, in its units.
@@ -162,6 +164,7 @@ impl DataSet {
         Self {
             kind: first.map_or(Kind::default(), |set| set.kind),
             samples: sets.iter().flat_map(|set| set.samples.iter().cloned()).collect(),
+            unused: sets.iter().flat_map(|set| set.unused.iter().cloned()).collect(),
             measured: sets.iter().flat_map(|set| set.measured.iter().cloned()).collect(),
             planned: sets.iter().flat_map(|set| set.planned.iter().cloned()).collect(),
             written: sets.iter().flat_map(|set| set.written.iter().cloned()).collect(),
@@ -218,7 +221,9 @@ impl DataSet {
                 let (angle, length) = (covariance[(0, 0)].sqrt(), covariance[(3, 3)].sqrt());
                 let measurement =
                     match (&measured.noise, measured.rotation || measured.position.contains(&true)) {
-                        (_, true) => measured.measurement(covariance)?,
+                        (_, true) => {
+                            Weighted::by(measured.measurement(covariance)?, sample.measurement.weight())
+                        }
                         (Some(_), false) => sample.measurement.clone(),
                         (None, false) => sample.measurement.reweighted(Weights::Isotropic { angle, length }),
                     };

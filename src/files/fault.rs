@@ -19,15 +19,20 @@ pub enum Fault {
     #[error("the format is {found}; expected {expected}")]
     Format { found: String, expected: &'static str },
 
-    #[error("{found} numbers where {wanted} belong")]
+    #[error("{} where {wanted} belong", several(*found, "number"))]
     Length { found: usize, wanted: usize },
     #[error("{0} is no share; it lies between 0 and 1")]
     Share(f64),
 
     #[error("{0} is not a finite number")]
     NotFinite(f64),
-    #[error("{value} {unit} is too large: the limit is {limit} {unit}; are the units right?")]
+    #[error("{} {unit} is too large: the limit is {} {unit}; are the units right?", plain(*value), plain(*limit))]
     Huge { value: f64, limit: f64, unit: &'static str },
+    #[error(
+        "{} is no weight; give a number from {} to {}, or 0 for a sample that is not to be used",
+        plain(*found), plain(*least), plain(*most)
+    )]
+    Weight { found: f64, least: f64, most: f64 },
     #[error("{0} is negative; give a standard deviation, 0 to hold the link, or \"free\"")]
     NegativeTolerance(f64),
     #[error(
@@ -63,7 +68,7 @@ pub enum Fault {
     ZeroPitch,
     #[error("a {0} joint has no pitch; remove it, or make the joint helical")]
     Pitch(&'static str),
-    #[error("{found} values for the {wanted} axes of this joint; give one per axis, in chain order")]
+    #[error("{} for the {wanted} axes of this joint; give one per axis, in chain order", several(*found, "value"))]
     OnePerAxis { wanted: usize, found: usize },
     #[error("a range is [lowest, highest], or a list with one of them or null per axis")]
     RangeForm,
@@ -100,7 +105,7 @@ pub enum Fault {
     #[error("the quaternion [w, x, y, z] has length {0}, not 1")]
     QuaternionLength(f64),
 
-    #[error("{found} readings for {wanted} actuators ({names})")]
+    #[error("{} for {} ({names})", several(*found, "reading"), several(*wanted, "actuator"))]
     ActuatorCount { found: usize, wanted: usize, names: String },
     #[error("{0} is no noise; give a positive standard deviation")]
     Noise(f64),
@@ -136,7 +141,7 @@ pub enum Fault {
     UnknownJoint { found: String, known: String },
     #[error("no passive joints; this machine knows all of its joints")]
     NoPassiveJoint,
-    #[error("{found} joint readings for {wanted} sensed joints ({names})")]
+    #[error("{} for {} ({names})", several(*found, "joint reading"), several(*wanted, "sensed joint"))]
     JointCount { found: usize, wanted: usize, names: String },
     #[error("{0} is stated beside \"sets\"; move it into one of them")]
     BesideSets(&'static str),
@@ -169,6 +174,8 @@ pub enum Fault {
 
     #[error("not a CSV table: {0}")]
     Table(String),
+    #[error("columns are divided by {0:?}: write commas, and points in decimal numbers")]
+    Separator(char),
     #[error("no column {wanted}; the columns are {found}")]
     NoColumn { wanted: String, found: String },
     #[error("two columns are called {0}")]
@@ -177,12 +184,28 @@ pub enum Fault {
     ColumnTwice(String),
     #[error("unknown column {found}; {expected}")]
     UnknownColumn { found: String, expected: String },
-    #[error("{found} cells where the header has {wanted}")]
+    #[error("{} where the header has {wanted}", several(*found, "cell"))]
     CellCount { found: usize, wanted: usize },
     #[error("{0} is not a number")]
     NotNumber(String),
+    #[error("the readings are in the table {0}: give that as the file of actuators")]
+    ReadingsElsewhere(String),
     #[error("the reading is missing")]
     NoReading,
     #[error("there are no rows{0}")]
     NoRows(String),
+}
+
+/// The number, with an exponent where it would be long.
+fn plain(value: f64) -> String {
+    if value.abs() > 1e9 || value != 0.0 && value.abs() < 1e-6 {
+        format!("{value:e}")
+    } else {
+        value.to_string()
+    }
+}
+
+/// The number with its noun.
+fn several(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }

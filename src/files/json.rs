@@ -48,8 +48,10 @@ pub fn parse<T: DeserializeOwned>(file: &str, bytes: &[u8]) -> Result<T, FileErr
         // Where the syntax breaks off there is no key yet: the line and column in the message say where.
         let path = path.strip_suffix(".?").or(path.strip_suffix('?')).map_or(path.clone(), str::to_owned);
         let mut located = Place::file(file).error(match inner.classify() {
-            Category::Data => Fault::Schema(inner.to_string()),
-            Category::Syntax | Category::Eof | Category::Io => Fault::NotJson(inner.to_string()),
+            Category::Data => Fault::Schema(schema(&inner.to_string())),
+            Category::Syntax | Category::Eof | Category::Io => {
+                Fault::NotJson(syntax(bytes, inner.line(), inner.column(), &inner.to_string()))
+            }
         });
         located.location.name = name_of(bytes, &path);
         located.location.path = path;
@@ -58,6 +60,42 @@ pub fn parse<T: DeserializeOwned>(file: &str, bytes: &[u8]) -> Result<T, FileErr
     match deserializer.end() {
         Ok(()) => Ok(value),
         Err(error) => Err(FileError::whole(file, Fault::NotJson(error.to_string()))),
+    }
+}
+
+/// What a value should have been, in the words of the format and not in those of the program that reads it.
+fn schema(why: &str) -> String {
+    let why = why.replace(
+        "invalid type: null, expected struct PoseDrawing",
+        "it is null; leave the key out, or give \
+        position and rotation, with null for what was not measured",
+    );
+    if !why.contains("expected struct ") {
+        return why;
+    }
+    let (before, after) = why.split_once("expected struct ").unwrap_or_default();
+    let rest = after.split_once(' ').map_or("", |(_, rest)| rest);
+    format!("{before}expected an object {rest}")
+}
+
+/// Where the syntax breaks off: with what JSON says of numbers that it does not have.
+fn syntax(bytes: &[u8], line: usize, column: usize, why: &str) -> String {
+    let text = bytes.split(|byte| *byte == b'\n').nth(line.saturating_sub(1)).unwrap_or_default();
+    let from = text.get(column.saturating_sub(1)..).unwrap_or_default();
+    let token = ["NaN", "Infinity", "-Infinity", "-NaN", "nan", "inf", "-inf"].into_iter().find(|token| {
+        [from, text.get(column.saturating_sub(2)..).unwrap_or_default()]
+            .iter()
+            .any(|t| t.starts_with(token.as_bytes()))
+    });
+    match token {
+        Some(token) => format!(
+            "{token} is no number of JSON (line {line} column {column}): give a finite number, or null where a component \
+             was not measured"
+        ),
+        None if why.starts_with("number out of range") => {
+            format!("a number is too large (line {line} column {column}); are the units right?")
+        }
+        None => why.to_owned(),
     }
 }
 

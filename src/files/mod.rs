@@ -11,6 +11,7 @@ pub mod drawing;
 mod equivalent;
 pub mod error;
 pub mod fault;
+mod filling;
 pub mod instrument;
 pub mod json;
 pub mod kinds;

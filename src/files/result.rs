@@ -8,7 +8,7 @@ use super::noise::NoiseDrawing;
 use super::place::Place;
 use super::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, EstimateEntry,
-    LinkResult, SetAsideEntry, SourceEntry, TraceEntry, WeightEntry, numbers,
+    LinkResult, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry, numbers,
 };
 use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;
@@ -68,6 +68,9 @@ pub struct ResultFile {
     /// Samples of the hold-out that are not scored.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub holdout_set_aside: Vec<SetAsideEntry>,
+    /// Samples of weight 0, and how the calibrated machine predicts them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unused: Vec<UnusedEntry>,
     /// Limits that hold with equality.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub active_bounds: Vec<ActiveBoundEntry>,

@@ -184,6 +184,16 @@ pub struct SetAsideEntry {
     pub reason: String,
 }
 
+/// A sample of weight 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UnusedEntry {
+    /// Its name.
+    pub sample: String,
+    /// How the calibrated machine predicts it; `None` where its loops do not close.
+    pub errors: Option<PoseErrors>,
+}
+
 /// A limit that holds with equality at the solution.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -70,6 +70,8 @@ pub struct TableRow {
     pub joints: Vec<Option<f64>>,
     /// Names of target, point, plane and gauge.
     pub names: [Option<String>; 4],
+    /// Weight of the sample.
+    pub weight: Option<f64>,
 }
 
 /// Values of a column that a message lists.
@@ -88,6 +90,11 @@ pub fn parse(file: &str, bytes: &[u8], request: &TableRequest<'_>) -> Result<Vec
     let mut lines = Lines { bytes, byte: 0, line: 1 };
     let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(bytes);
     let header = reader.headers().map_err(|why| whole.error(Fault::Table(why.to_string())))?.clone();
+    if let [only] = header.iter().collect::<Vec<_>>().as_slice()
+        && let Some(separator) = [';', '\t', '|'].into_iter().find(|separator| only.contains(*separator))
+    {
+        return Err(whole.line(1).error(Fault::Separator(separator)));
+    }
     let layout = Layout::find(header.iter().collect(), request, &whole.line(1))?;
     let mut rows = Vec::new();
     let mut met: Vec<BTreeSet<String>> = vec![BTreeSet::new(); layout.filter.len()];
@@ -111,6 +118,7 @@ pub fn parse(file: &str, bytes: &[u8], request: &TableRequest<'_>) -> Result<Vec
                 height: row.optional(layout.height)?,
                 joints: layout.joints.iter().map(|column| row.number(*column)).collect::<Result<_, _>>()?,
                 names: layout.names.map(|column| row.text(column)),
+                weight: row.optional(layout.weight)?,
             });
         }
     }

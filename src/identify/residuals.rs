@@ -51,7 +51,7 @@ pub fn residuals(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample])
                     |a: &usize, b: &usize| plain.by_tool[*a].abs().total_cmp(&plain.by_tool[*b].abs());
                 let moves = plain.by_tool[3..].iter().any(|v| *v != 0.0);
                 let index = if moves { 3..6 } else { 0..3 }.max_by(largest)?;
-                components[index] = Some(plain.r);
+                components[index] = Some(plain.r / sample.measurement.weight().sqrt());
                 whitened[index] = Some(weighted.r);
             }
         }

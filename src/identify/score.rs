@@ -12,19 +12,19 @@ pub const FALSE_ALARM: f64 = 0.01;
 /// Size of a set of errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Root mean square.
+    /// Root mean square, each sample by its weight.
     pub rms: f64,
     /// Largest.
     pub max: f64,
 }
 
 impl Spread {
-    /// Of the values, if there are any.
-    pub fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+    /// Of the values, each behind its weight, if there are any.
+    pub fn of(values: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
         let (mut count, mut square, mut max) = (0.0, 0.0, 0.0_f64);
-        for value in values {
-            count += 1.0;
-            square += value * value;
+        for (weight, value) in values {
+            count += weight;
+            square += weight * value * value;
             max = max.max(value);
         }
         (count > 0.0).then(|| Self { rms: f64::sqrt(square / count), max })
@@ -50,6 +50,15 @@ pub struct Fit {
     pub weighted_rms: f64,
     /// Samples that took part.
     pub samples: usize,
+}
+
+/// One sample's part of a [`Fit`].
+struct Scored {
+    errors: Errors,
+    /// Of its whitened residuals.
+    square: f64,
+    rows: usize,
+    weight: f64,
 }
 
 /// A posture whose prediction stands out.
@@ -119,7 +128,7 @@ pub fn score(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> 
 
 /// Scores each sample by a geometry of its own; `None` where none closes.
 pub fn score_each(mechanism: &Mechanism, pairs: &[(&Geometry, &Sample)]) -> Option<Fit> {
-    let scored: Vec<Option<(Errors, f64, usize)>> = pairs
+    let scored: Vec<Option<Scored>> = pairs
         .par_iter()
         .map_init(
             || (Postures::new(mechanism), Evaluation::default()),
@@ -129,8 +138,9 @@ pub fn score_each(mechanism: &Mechanism, pairs: &[(&Geometry, &Sample)]) -> Opti
                 evaluation.clear();
                 sample.measurement.evaluate(&view, evaluation);
                 let square = evaluation.square();
-                let rows = evaluation.rows.len();
-                square.is_finite().then(|| (sample.measurement.error(&view), square, rows))
+                let (rows, weight) = (evaluation.rows.len(), sample.measurement.weight());
+                let scored = || Scored { errors: sample.measurement.error(&view), square, rows, weight };
+                square.is_finite().then(scored)
             },
         )
         .collect();
@@ -138,9 +148,11 @@ pub fn score_each(mechanism: &Mechanism, pairs: &[(&Geometry, &Sample)]) -> Opti
     if scored.is_empty() {
         return None;
     }
-    let square: f64 = scored.iter().map(|(_, square, _)| square).sum();
-    let rows: usize = scored.iter().map(|(_, _, rows)| rows).sum();
-    let spread = |of: fn(&Errors) -> Option<f64>| Spread::of(scored.iter().filter_map(|(e, _, _)| of(e)));
+    let square: f64 = scored.iter().map(|s| s.square).sum();
+    let rows: usize = scored.iter().map(|s| s.rows).sum();
+    let spread = |of: fn(&Errors) -> Option<f64>| {
+        Spread::of(scored.iter().filter_map(|s| Some((s.weight, of(&s.errors)?))))
+    };
     Some(Fit {
         position: spread(|e| e.position),
         rotation: spread(|e| e.rotation),

@@ -211,6 +211,11 @@ pub trait Measurement: std::fmt::Debug + Send + Sync {
     /// Appends the residuals at what is predicted, as many as [`rows`](Self::rows), to an evaluation without rows.
     fn evaluate(&self, view: &View<'_>, out: &mut Evaluation);
 
+    /// What one such reading is worth beside one of weight 1: a factor on its information, part of the residuals.
+    fn weight(&self) -> f64 {
+        1.0
+    }
+
     /// Whether residual `row` is an angle; else it is a length.
     fn is_angle(&self, row: usize) -> bool {
         let _ = row;

@@ -8,6 +8,7 @@ pub mod point;
 pub mod pose;
 pub mod position;
 pub mod separation;
+pub mod weighted;
 
 pub use distance::Distance;
 pub use measurement::{
@@ -19,3 +20,4 @@ pub use point::{Gauge, Plane, Point};
 pub use pose::{Pose, Weighting};
 pub use position::Position;
 pub use separation::Separation;
+pub use weighted::Weighted;

@@ -39,6 +39,16 @@ MACHINES = {
     "positioner-321": (["unequal limbs", "scale"], "Limbs with three, two and one drives, metres apart."),
 }
 
+# Of problems/kinds: why each is there.
+KINDS_WHY = {
+    "hexapod-6ups-distance": "Ball bar, draw wire and interferometer at three targets: lengths alone, one fixed point and one gauge identified with the machine.",
+    "hexapod-6ups-plane": "A probe on two surfaces of which nothing but the rough tilt is known.",
+    "hexapod-6ups-passive": "Encoders on the base joints and no instrument at all: self-calibration that sees neither {S} nor the scale by angles.",
+    "serial-puma560-position": "A tracker and three reflectors on the tool whose places are identified with the arm.",
+    "serial-puma560-mixed": "Positions of 60 postures and the full pose of six: what a laboratory has that owns a tracker and borrows a camera.",
+    "delta-3puu-separation": "Distances between features that the machine placed itself, measured with calipers.",
+}
+
 # name: (parent, what it stresses, why, recipe, change of the drawing, poses, seed, identifier of the reference)
 STRESS = {
     "serial-puma560-outliers": ("serial-puma560", ["outliers"], "One pose in ten is off by fifty standard deviations: only a robust loss keeps its accuracy.",
@@ -147,7 +157,10 @@ def index():
         name = path.relative_to(ROOT / "problems")
         lines.append(f"| [{name.with_suffix('')}]({name}) | {seen['counts']['structural']} | {', '.join(b['stresses'])} | {b['purpose']} "
                      f"| {r['solver']} | {r['position_rms']:g} {u['length']} | {rotation} | {r['practical']} |")
-    lines += ["", "`problems/real/` holds two machines whose measurements are not part of this project (docs/real-data.md)."]
+    lines += ["", "`problems/kinds/` has the same machines measured by other instruments, made by `python3 tests/generate/kinds_set.py`",
+              "(the seed is in each file's `origin`), checked by `tests/kinds_set.rs`:", ""]
+    lines += [f"- [kinds/{name}](kinds/{name}.json): {why}" for name, why in KINDS_WHY.items()]
+    lines += ["", "`problems/real/` holds machines whose measurements are not part of this project (docs/real-data.md)."]
     (ROOT / "problems/README.md").write_text("\n".join(lines) + "\n")
 
 

@@ -13,6 +13,8 @@ use nalgebra::Vector3;
 /// Sine of the angle below which axes are parallel: rounding moves their common normal by as much as taking them
 /// for parallel moves the tool.
 const PARALLEL: f64 = 1e-9;
+/// Angle below which axes were most likely meant to be parallel, rad.
+const NEARLY_PARALLEL: f64 = 0.05;
 /// Lengths (m) and angles (rad) below which a fixed row does nothing.
 const NOTHING: f64 = 1e-13;
 /// Numbers below this are rounding of zero, rad or m, and written so.
@@ -37,8 +39,9 @@ pub struct Table {
     pub position: f64,
     /// Pairs of neighbouring axes taken for parallel although they are not exactly so, with the angle, rad.
     pub taken_for_parallel: Vec<(String, f64)>,
-    /// Largest offset `d` of a row, m: axes that are nearly parallel have their common normal far away.
-    pub farthest: f64,
+    /// Neighbouring axes written as they are although their common normal is far from the machine: the pair, the angle
+    /// between them (rad) and the distance along the first axis (m).
+    pub nearly_parallel: Vec<(String, f64, f64)>,
 }
 
 /// Screws of one axis: `theta`, `d` along it, then `a`, `alpha` to the next.
@@ -69,14 +72,17 @@ pub fn table(
     let machine = Chain::of(mechanism, "a Denavit-Hartenberg table")?;
     let mut at = Se3::identity();
     let mut steps = Vec::new();
-    let mut taken_for_parallel = Vec::new();
+    let (mut taken_for_parallel, mut nearly_parallel) = (Vec::new(), Vec::new());
+    let size = mechanism.characteristic_length();
     for (index, next) in machine.axes.iter().map(|axis| &axis.frame).chain([&machine.tool]).enumerate() {
         // The frame behind a prismatic joint may be anywhere along and beside its axis.
         let (step, angle) = step(&(at.inverse() * *next), parallel.sin().max(PARALLEL));
+        let name = |i: usize| machine.axes.get(i).map_or("tool", |axis| axis.name.as_str());
+        let pair = || format!("{} and {}", index.checked_sub(1).map_or("base", name), name(index));
         if angle > PARALLEL && step.alpha.sin() == 0.0 {
-            let name = |i: usize| machine.axes.get(i).map_or("tool", |axis| axis.name.as_str());
-            let before = index.checked_sub(1).map_or("base", name);
-            taken_for_parallel.push((format!("{before} and {}", name(index)), angle));
+            taken_for_parallel.push((pair(), angle));
+        } else if angle < NEARLY_PARALLEL && step.d.abs() > size {
+            nearly_parallel.push((pair(), angle, step.d));
         }
         at = at * step.motion();
         steps.push(step);
@@ -88,8 +94,7 @@ pub fn table(
         rows.retain(|row| row.kind != RowKind::Fixed);
     }
     let (rotation, position) = largest_error(&machine, &chain(&rows, convention));
-    let farthest = rows.iter().fold(0.0_f64, |most, row| most.max(row.d.abs()));
-    Ok(Table { rows, convention, rotation, position, taken_for_parallel, farthest })
+    Ok(Table { rows, convention, rotation, position, taken_for_parallel, nearly_parallel })
 }
 
 /// The screws from frame 0, z along one axis, to the next axis (z of `next`), and the angle between the two.

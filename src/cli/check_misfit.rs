@@ -1,0 +1,183 @@
+//! What `gough check` says of how far the drawing is from the data.
+
+use super::check::joints;
+use super::wording::{counted, listed};
+use crate::calibration::Sample;
+use crate::check::misfit::median;
+use crate::check::offsets::offsets;
+use crate::check::{Correction, Finding, Reading, compared, corrected, expected, misfits, search};
+use crate::files::{Kind, ProblemFile};
+use std::fmt::Write;
+
+/// Part of the machine's size that counts as explained where no tolerances are stated.
+const UNSTATED: f64 = 0.01;
+/// Postures listed.
+const WORST: usize = 3;
+/// Misfit, in terms of the median posture's, above which a posture stands out if tolerances do not explain it.
+const OUTSTANDING: f64 = 3.0;
+/// Postures below which none can stand out.
+const FEW: usize = 4;
+/// Part of the largest offset below which an actuator's own is what tolerances make.
+const SMALL: f64 = 0.2;
+/// Error of readings other than poses, in machine sizes or rad, above which something is wrong.
+const FAR: f64 = 0.05;
+
+/// How far the drawing is from poses and positions, and which mistake would explain it; whether there is one.
+pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
+    let mechanism = &problem.mechanism;
+    let stated = problem.require_tolerances().is_ok();
+    let position_only = data.iter().all(|reading| reading.rotation.is_none());
+    let explained = expected(mechanism, problem.data.noise.as_ref(), position_only);
+    let size = mechanism.characteristic_length();
+    let limit = if stated { explained.median } else { UNSTATED * size };
+    let single = if stated { explained.single } else { OUTSTANDING * limit };
+    let shown = |metres: f64| {
+        if metres.is_finite() {
+            format!("{:.4} {}", problem.units.from_metres(metres), problem.units.length_symbol())
+        } else {
+            "no closed posture".to_owned()
+        }
+    };
+    let finding = search(mechanism, data, limit);
+    let all = misfits(mechanism, data);
+    let _ = writeln!(
+        text,
+        "\ndrawing against {}: median {}; {} explain up to {} (rotations count with the machine's size, {})",
+        if position_only { "positions" } else { "poses" },
+        shown(finding.before),
+        if stated { "tolerances and noise" } else { "no tolerances are stated; 1 % of the size would" },
+        shown(limit),
+        shown(size)
+    );
+    let by_size = |all: &[f64]| {
+        let mut order: Vec<usize> = (0..data.len()).collect();
+        order.sort_by(|a, b| all[*b].total_cmp(&all[*a]));
+        order
+    };
+    let worst = by_size(&all);
+    let worst = worst.iter().take(WORST).map(|&k| format!("{} {}", data[k].name, shown(all[k])));
+    let _ = writeln!(text, "  worst as drawn: {}", worst.collect::<Vec<_>>().join(", "));
+    let mistaken = finding.before > limit;
+    if mistaken {
+        text.push('\n');
+        words(problem, data, &finding, text);
+    }
+    // What stands out does so from the others as they are once the mistake is mended.
+    let mended = corrected(mechanism, data, &finding.corrections);
+    let all = mended.map_or(all, |(mechanism, data)| misfits(&mechanism, &data));
+    let threshold = single.max(OUTSTANDING * median(&all));
+    let far: Vec<String> = by_size(&all)
+        .into_iter()
+        .filter(|k| all[*k] > threshold)
+        .map(|k| format!("{} ({})", data[k].name, shown(all[k])))
+        .collect();
+    if far.is_empty() || all.len() < FEW || !threshold.is_finite() {
+        return mistaken;
+    }
+    let (number, verb) = (counted(far.len(), "posture"), if far.len() == 1 { "stands" } else { "stand" });
+    let _ = writeln!(text, "\nsuspicious: {number} {verb} out from the others: {}", listed(&far));
+    true
+}
+
+fn words(problem: &ProblemFile, data: &[Reading], finding: &Finding, text: &mut String) {
+    let mechanism = &problem.mechanism;
+    let units = problem.units;
+    let length = units.length_symbol();
+    if finding.corrections.is_empty() {
+        let _ = writeln!(
+            text,
+            "suspicious: the data do not fit the drawing, and no usual mistake (units, signs, order of actuators, \
+             of axes or of quaternions, inverted rotations or poses, home, base and tool elsewhere) explains why; \
+             check the drawing, or the tolerances"
+        );
+        return;
+    }
+    let mut machine = (mechanism.clone(), data.to_vec());
+    for correction in &finding.corrections {
+        let _ = writeln!(text, "suspicious: {}", correction.words(mechanism));
+        if *correction == Correction::Offsets
+            && let Some(found) = offsets(&machine.0, &machine.1)
+        {
+            let size = mechanism.characteristic_length();
+            let lever = |angular: bool| if angular { size } else { 1.0 };
+            let joints = joints(problem);
+            let all = || joints.iter().zip(&found).map(|(j, v)| lever(j.motion.is_angular()) * v.abs());
+            let largest = all().fold(0.0, f64::max);
+            for ((name, joint), (offset, shift)) in
+                mechanism.actuator_names().iter().zip(&joints).zip(found.iter().zip(all()))
+            {
+                if shift > SMALL * largest {
+                    let home = units.from_joint(joint.motion, joint.home - offset);
+                    let _ = writeln!(
+                        text,
+                        "  {name}: \"home\": {home:.6} instead of {:.6}",
+                        units.from_joint(joint.motion, joint.home)
+                    );
+                }
+            }
+        }
+        if let Some(next) = correction.apply(&machine.0, &machine.1) {
+            machine = next;
+        }
+    }
+    for other in &finding.alternatives {
+        let _ = writeln!(text, "  or: {}", other.words(mechanism));
+    }
+    let before = if finding.before.is_finite() {
+        format!("{:.4} {length}", units.from_metres(finding.before))
+    } else {
+        "no closed posture".to_owned()
+    };
+    let _ = writeln!(text, "  residual {before} -> {:.4} {length}", units.from_metres(finding.after));
+}
+
+/// What is neither a whole pose nor a position of the tool point: compared, but not searched for mistakes.
+pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
+    let names: std::collections::BTreeSet<&str> = data.iter().map(|reading| reading.name.as_str()).collect();
+    let samples: Vec<Sample> =
+        problem.data.samples.iter().filter(|s| !names.contains(s.name.as_str())).cloned().collect();
+    if samples.is_empty() {
+        return false;
+    }
+    let units = problem.units;
+    let kinds: Vec<&str> = problem.data.parts().iter().map(|set| set.kind).map(Kind::name).collect();
+    let _ = writeln!(
+        text,
+        "\n{} less than a pose of the tool (kinds: {}): compared with the drawing, but not searched for mistakes of \
+         units, signs and order",
+        if samples.len() == 1 { "1 sample is".to_owned() } else { format!("{} samples are", samples.len()) },
+        kinds.join(", ")
+    );
+    let (kinds, open) = compared(&problem.mechanism, &samples);
+    let size = problem.mechanism.characteristic_length();
+    let mut suspicious = false;
+    for kind in &kinds {
+        let shown = |v: f64| match kind.angular {
+            true => format!("{:.6} {}", units.from_radians(v), units.angle_symbol()),
+            false => format!("{:.6} {}", units.from_metres(v), units.length_symbol()),
+        };
+        let worst = kind.errors.iter().take(WORST).map(|(name, error)| format!("{name} {}", shown(*error)));
+        let worst = worst.collect::<Vec<_>>().join(", ");
+        let _ = writeln!(text, "  {}: median error {}; worst {worst}", kind.what, shown(kind.median()));
+        if kind.median() > FAR * if kind.angular { 1.0 } else { size } {
+            suspicious = true;
+            let what = kind.what;
+            let _ = writeln!(
+                text,
+                "suspicious: the readings of kind {what} are far from what the drawing predicts; check their units and \
+                 signs, the order of the actuators, and what they refer to"
+            );
+        }
+    }
+    if !open.is_empty() {
+        let number = counted(open.len(), "sample");
+        let _ = writeln!(text, "  {number} whose loops do not close as drawn: {}", listed(&open));
+        if 2 * open.len() > samples.len() {
+            suspicious = true;
+            text.push_str(
+                "suspicious: most postures do not close; check the units and the order of the actuators\n",
+            );
+        }
+    }
+    suspicious
+}
