@@ -10,7 +10,7 @@ use crate::lie::Se3;
 use crate::linalg::{self, RowBlock, RowStream};
 use crate::measure::{Evaluation, Row, View};
 use crate::model::mechanism::pose_difference;
-use crate::model::{Geometry, Mechanism, Posture};
+use crate::model::{Geometry, Mechanism, Posture, Turn};
 use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
 use faer::{Mat, MatRef};
 use nalgebra::Matrix6;
@@ -48,15 +48,13 @@ impl WholePose {
 /// the last one left it.
 const NEAR: f64 = 0.1;
 
-/// A posture as one limb sees it: actuators and passive joints are its own.
+/// A posture as one limb sees it.
 #[derive(Clone, Debug)]
 pub struct LimbStart<'a> {
     /// Name of the sample.
     pub name: &'a str,
-    /// Actuator variables, rad or m.
-    pub actuators: &'a [f64],
-    /// Passive joint variables to start from, rad or m.
-    pub passive: &'a [f64],
+    /// Joint variables of the limb to start from.
+    pub turns: &'a [Turn],
     /// What was measured.
     pub pose: WholePose,
 }
@@ -70,7 +68,7 @@ pub struct LimbProblem<'a> {
     params: Vec<Param>,
     home: Posture,
     /// Joint variables of every posture where the last evaluation left them: most of its cost is the way to the pose.
-    reached: Mutex<Vec<f64>>,
+    reached: Mutex<Vec<Turn>>,
 }
 
 impl<'a> LimbProblem<'a> {
@@ -84,12 +82,8 @@ impl<'a> LimbProblem<'a> {
         let mechanism = Mechanism { limbs: vec![mechanism.limbs[i].clone()], instrument: Vec::new() };
         let coordinates = coordinates.of_limb(i);
         let params = coordinates.params(&mechanism);
-        let mut home = Posture::new(&mechanism);
-        let mut reached = Vec::with_capacity(starts.len() * home.q.len());
-        for start in &starts {
-            home.set_joints(&mechanism, start.actuators, start.passive);
-            reached.extend_from_slice(&home.q);
-        }
+        let home = Posture::new(&mechanism);
+        let reached = starts.iter().flat_map(|start| start.turns).copied().collect();
         Self { mechanism, coordinates, starts, params, home, reached: Mutex::new(reached) }
     }
 
@@ -125,12 +119,12 @@ impl<'a> LimbProblem<'a> {
         let mut rows = vec![Row::default(); self.wrench_count()];
         let mut reached = self.reached.lock().unwrap_or_else(PoisonError::into_inner);
         for (start, reached) in self.starts.iter().zip(reached.chunks_exact_mut(posture.q.len().max(1))) {
-            posture.q.copy_from_slice(reached);
+            posture.set_turns(reached);
             self.approach(&mut posture, geometry, start)?;
             self.evaluate(&posture, start, &mut rows)?;
             visit(&posture, &rows);
-            if posture.passive(&self.mechanism).iter().zip(start.passive).all(|(q, s)| (q - s).abs() < NEAR) {
-                reached.copy_from_slice(&posture.q);
+            if posture.turns().iter().zip(start.turns).all(|(to, from)| (to.q - from.q).abs() < NEAR) {
+                reached.copy_from_slice(posture.turns());
             }
         }
         Ok(())

@@ -6,7 +6,7 @@ use super::rows::RowWriter;
 use super::sample::{Postures, Sample, SetAside};
 use crate::linalg::{self, RowBlock, RowStream};
 use crate::measure::Evaluation;
-use crate::model::{Geometry, Mechanism, NotClosed, Posture};
+use crate::model::{Geometry, Mechanism, NotClosed, Posture, Turn};
 use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
@@ -15,13 +15,13 @@ use std::ops::Range;
 /// Postures that one thread takes at a time; fixed, so that results do not depend on how many threads there are.
 const CHUNK: usize = 128;
 
-/// A sample and the passive joint variables from which its closure starts.
+/// A sample and the joint variables from which its closure starts.
 #[derive(Clone, Debug)]
 struct Start<'a> {
     sample: &'a Sample,
-    passive: Vec<f64>,
+    turns: Vec<Turn>,
     /// Of the second posture; empty where there is one.
-    second: Vec<f64>,
+    second: Vec<Turn>,
 }
 
 /// A machine with measurements, in the coordinates of one [`Form`].
@@ -68,10 +68,10 @@ impl<'a> Calibration<'a> {
             if smallest < least {
                 return Err(NotClosed::Singular { smallest });
             }
-            let second = if two { postures.second.passive(self.mechanism) } else { Vec::new() };
-            Ok((postures.first.passive(self.mechanism), second))
+            let second = if two { postures.second.turns().to_vec() } else { Vec::new() };
+            Ok((postures.first.turns().to_vec(), second))
         };
-        type Passive = (Vec<f64>, Vec<f64>);
+        type Turns = (Vec<Turn>, Vec<Turn>);
         let named = |postures: &mut Postures, (index, sample): (usize, &'a Sample)| {
             close(postures, sample).map_err(|reason| SetAside {
                 sample: index,
@@ -80,7 +80,7 @@ impl<'a> Calibration<'a> {
             })
         };
         let new = || self.home.clone();
-        let closed: Vec<Result<Passive, SetAside>> = if self.mechanism.is_open_chain() {
+        let closed: Vec<Result<Turns, SetAside>> = if self.mechanism.is_open_chain() {
             // Nothing to close: sharing the work among threads would cost more than it.
             let mut postures = new();
             samples.iter().enumerate().map(|at| named(&mut postures, at)).collect()
@@ -91,7 +91,7 @@ impl<'a> Calibration<'a> {
         self.set_aside.clear();
         for (sample, outcome) in samples.iter().zip(closed) {
             match outcome {
-                Ok((passive, second)) => self.starts.push(Start { sample, passive, second }),
+                Ok((turns, second)) => self.starts.push(Start { sample, turns, second }),
                 Err(set_aside) => self.set_aside.push(set_aside),
             }
         }
@@ -131,12 +131,12 @@ impl<'a> Calibration<'a> {
     ) -> Result<(), EvalError> {
         let mut postures = self.home.clone();
         let mut evaluation = Evaluation::default();
-        for Start { sample, passive, second } in starts {
+        for Start { sample, turns, second } in starts {
             let open = |why: NotClosed| EvalError(format!("{}: {why}", sample.name));
-            postures.first.set_joints(self.mechanism, &sample.actuators, passive);
+            postures.first.set_turns(turns);
             postures.first.close(self.mechanism, geometry).map_err(open)?;
-            if let Some(actuators) = sample.measurement.second() {
-                postures.second.set_joints(self.mechanism, actuators, second);
+            if sample.measurement.second().is_some() {
+                postures.second.set_turns(second);
                 postures.second.close(self.mechanism, geometry).map_err(open)?;
             }
             evaluation.clear();
@@ -206,19 +206,17 @@ impl<'a> Calibration<'a> {
         let poses: Option<Vec<WholePose>> = self.starts.iter().map(|s| WholePose::of(s.sample)).collect();
         let poses = poses?;
         let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
-        let (mut actuator, mut passive) = (0, 0);
+        let mut joint = 0;
         for (i, limb) in self.mechanism.limbs.iter().enumerate() {
-            let m = limb.passive_count();
-            let (a, p) = (actuator..actuator + limb.joints.len() - m, passive..passive + m);
-            (actuator, passive) = (a.end, p.end);
+            let own = joint..joint + limb.joints.len();
+            joint = own.end;
             let starts: Option<Vec<LimbStart>> = self
                 .starts
                 .iter()
                 .zip(&poses)
                 .map(|(s, pose)| {
-                    let (actuators, passive) =
-                        (s.sample.actuators.get(a.clone())?, s.passive.get(p.clone())?);
-                    Some(LimbStart { name: &s.sample.name, actuators, passive, pose: pose.clone() })
+                    let turns = s.turns.get(own.clone())?;
+                    Some(LimbStart { name: &s.sample.name, turns, pose: pose.clone() })
                 })
                 .collect();
             let own = &self.coordinates.limbs[i];

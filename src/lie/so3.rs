@@ -90,8 +90,22 @@ pub fn left_jacobian(w: &Vector3<f64>) -> Matrix3<f64> {
 
 /// Inverse of [`left_jacobian`]; singular at |w| = 2 pi.
 pub fn left_jacobian_inverse(w: &Vector3<f64>) -> Matrix3<f64> {
-    let wx = hat(w);
-    Matrix3::identity() - wx * 0.5 + wx * wx * cot_coefficient(w.norm())
+    // hat(w)^2 = w w' - |w|^2
+    let c = cot_coefficient(w.norm());
+    let (x, y, z) = (0.5 * w.x, 0.5 * w.y, 0.5 * w.z);
+    let (xx, yy, zz) = (c * w.x * w.x, c * w.y * w.y, c * w.z * w.z);
+    let (xy, xz, yz) = (c * w.x * w.y, c * w.x * w.z, c * w.y * w.z);
+    Matrix3::new(
+        1.0 - (yy + zz),
+        xy + z,
+        xz - y,
+        xy - z,
+        1.0 - (xx + zz),
+        yz + x,
+        xz + y,
+        yz - x,
+        1.0 - (xx + yy),
+    )
 }
 
 /// `(1 - (t/2) cot(t/2)) / t^2`, whose series has the Bernoulli numbers `|B_2k| / (2k)!`.

@@ -16,4 +16,4 @@ pub use instrument::{Constant, Quantity};
 pub use joint::{Joint, Motion};
 pub use limb::{Limb, Link, Prior, Tolerance};
 pub use mechanism::{Geometry, Mechanism};
-pub use posture::Posture;
+pub use posture::{Posture, Turn};

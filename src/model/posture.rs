@@ -2,6 +2,7 @@
 //!
 //! Twists here are those of the tool point, `[w; dp]`, lengths divided by the machine's size.
 
+use super::joint::Motion;
 use super::mechanism::{Geometry, Mechanism};
 use super::passive::PassiveSplit;
 use crate::lie::{Columns, Se3};
@@ -13,13 +14,32 @@ pub(super) const LONGEST_STEP: f64 = 0.4;
 /// Reciprocal condition of `Jr` below which a posture counts as singular.
 pub(super) const SINGULAR: f64 = 1e-9;
 
+/// A joint variable with its sine and cosine, which cost more than what is done with them.
+#[derive(Clone, Copy, Debug)]
+pub struct Turn {
+    /// The joint variable, rad or m.
+    pub q: f64,
+    /// Its sine and cosine; 0 and 1 where it is a length.
+    sin_cos: (f64, f64),
+}
+
+impl Turn {
+    fn zero() -> Self {
+        Self { q: 0.0, sin_cos: (0.0, 1.0) }
+    }
+
+    fn of(motion: Motion, q: f64) -> Self {
+        Self { q, sin_cos: if motion.is_angular() { q.sin_cos() } else { (0.0, 1.0) } }
+    }
+}
+
 /// Working state and result of closing one posture; reused from one to the next.
 #[derive(Clone, Debug)]
 pub struct Posture {
     /// Joint variables, limb by limb, rad or m.
     pub q: Vec<f64>,
-    /// Joint variables of which the sine and cosine are at hand, with these.
-    pub(super) turns: Vec<(f64, (f64, f64))>,
+    /// The joint variables that were placed last.
+    turns: Vec<Turn>,
     /// Frames in {S} behind each link, limb by limb: f_i + 1 each, the last one that limb's tool.
     pub frames: Vec<Se3>,
     /// Per limb, passive twists and wrenches.
@@ -44,7 +64,7 @@ impl Posture {
         let joints: usize = mechanism.limbs.iter().map(|limb| limb.joints.len()).sum();
         Self {
             q: vec![0.0; joints],
-            turns: vec![(0.0, (0.0, 1.0)); joints],
+            turns: vec![Turn::zero(); joints],
             frames: vec![Se3::identity(); joints + mechanism.limbs.len()],
             splits: vec![PassiveSplit::rigid(); mechanism.limbs.len()],
             wrench_inverse: Matrix6::identity(),
@@ -77,6 +97,17 @@ impl Posture {
             let next = if joint.actuated { a.next() } else { p.next() };
             *q = next.copied().unwrap_or(0.0);
         }
+    }
+
+    /// The joint variables that were placed last, limb by limb.
+    pub fn turns(&self) -> &[Turn] {
+        &self.turns
+    }
+
+    /// Sets all joint variables to those of another posture of the machine.
+    pub fn set_turns(&mut self, turns: &[Turn]) {
+        self.turns.copy_from_slice(turns);
+        self.q.iter_mut().zip(turns).for_each(|(q, turn)| *q = turn.q);
     }
 
     /// Passive joint variables in machine order.
@@ -155,10 +186,9 @@ impl Posture {
     /// Forward kinematics of every limb (3).
     pub(super) fn place(&mut self, mechanism: &Mechanism, geometry: &Geometry) {
         let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints);
-        for ((joint, q), (turned, turn)) in joints.zip(&self.q).zip(&mut self.turns) {
-            if q != turned {
-                *turned = *q;
-                *turn = if joint.motion.is_angular() { q.sin_cos() } else { (0.0, 1.0) };
+        for ((joint, q), turn) in joints.zip(&self.q).zip(&mut self.turns) {
+            if *q != turn.q {
+                *turn = Turn::of(joint.motion, *q);
             }
         }
         wide(
@@ -175,8 +205,8 @@ impl Posture {
             let mut at = Columns::from(&links[0]);
             for ((j, link), frame) in limb.joints.iter().zip(&links[1..]).zip(frames.by_ref()) {
                 *frame = at.into();
-                if let Some((q, turn)) = turns.next() {
-                    at = j.motion.moved_by(&at, *q, *turn).times(link);
+                if let Some(turn) = turns.next() {
+                    at = j.motion.moved_by(&at, turn.q, turn.sin_cos).times(link);
                 }
             }
             if let Some(frame) = frames.next() {
