@@ -2,7 +2,7 @@
 
 use gough::compare::gauge::representative;
 use gough::compare::profile::{Descent, data, evaluations_to, performance};
-use gough::compare::statistics::{middle, quantile, wilson};
+use gough::statistics::{middle, quantile, wilson};
 use gough::files::{DataPlaces, read_problem};
 use gough::model::Mechanism;
 use gough::simulate::{close, draw_deviations};

@@ -4,8 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 17] = [
+const LAYERS: [(&str, &[&str]); 18] = [
     ("lie", &[]),
+    ("statistics", &[]),
     ("linalg", &["problem"]),
     // A problem knows no robot, no file and no terminal.
     ("problem", &["linalg"]),
@@ -13,12 +14,15 @@ const LAYERS: [(&str, &[&str]); 17] = [
     ("measure", &["lie", "model"]),
     ("calibration", &["lie", "linalg", "problem", "model", "measure"]),
     // Nor does an identifier.
-    ("solve", &["linalg", "problem"]),
+    ("solve", &["linalg", "statistics", "problem"]),
     ("simulate", &["lie", "model", "measure"]),
-    ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "solve"]),
+    (
+        "identify",
+        &["lie", "linalg", "statistics", "problem", "model", "measure", "calibration", "simulate", "solve"],
+    ),
     // Plans postures; what it plans for and where it writes is not its business.
     ("design", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "identify"]),
-    ("check", &["lie", "model", "measure", "calibration", "simulate", "identify"]),
+    ("check", &["lie", "statistics", "model", "measure", "calibration", "simulate", "identify"]),
     ("files", &["lie", "model", "measure", "calibration"]),
     // Figures and pages are data in, bytes out.
     ("render", &[]),
@@ -27,6 +31,7 @@ const LAYERS: [(&str, &[&str]); 17] = [
         &[
             "lie",
             "linalg",
+            "statistics",
             "problem",
             "model",
             "measure",
@@ -44,6 +49,7 @@ const LAYERS: [(&str, &[&str]); 17] = [
         &[
             "lie",
             "linalg",
+            "statistics",
             "problem",
             "model",
             "measure",

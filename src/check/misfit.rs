@@ -76,13 +76,6 @@ pub fn misfits(mechanism: &Mechanism, data: &[Reading]) -> Vec<f64> {
         .collect()
 }
 
-/// The middle one of the values; infinite where there are none.
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::INFINITY)
-}
-
 /// The largest misfit that machines within the tolerances show, with measurements of this noise (rotation first, rad
 /// and m), m.
 ///

@@ -1,9 +1,10 @@
 //! The mistake, or the few of them, that would explain why data and drawing disagree.
 
 use super::correction::{Correction, corrections};
-use super::misfit::{Reading, median, misfits};
+use super::misfit::{Reading, misfits};
 use crate::identify::registration::FreeEnds;
 use crate::model::Mechanism;
+use crate::statistics::median;
 use rayon::prelude::*;
 
 /// Postures that are looked at.
@@ -39,7 +40,7 @@ struct State {
 
 impl State {
     fn new(mechanism: Mechanism, data: Vec<Reading>) -> Self {
-        let misfit = median(&misfits(&mechanism, &data));
+        let misfit = median(misfits(&mechanism, &data)).unwrap_or(f64::INFINITY);
         Self { mechanism, data, misfit }
     }
 

@@ -3,11 +3,11 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
-use crate::check::misfit::median;
 use crate::check::offsets::offsets;
 use crate::check::{Correction, Finding, Reading, expected, misfits, repeats, search};
 use crate::files::{DataPlaces, Output, ProblemFile, read_problem};
 use crate::model::{Joint, mobility};
+use crate::statistics::median;
 use nalgebra::Vector3;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -214,9 +214,10 @@ fn residuals(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool
     let worst = order.iter().take(WORST).map(|&k| format!("{} {}", data[k].name, shown(all[k])));
     let _ = writeln!(text, "  worst as drawn: {}", worst.collect::<Vec<_>>().join(", "));
     if finding.before <= limit {
+        let far_off = 5.0 * limit.max(median(all.iter().copied()).unwrap_or(f64::INFINITY));
         let far: Vec<&str> = order
             .iter()
-            .filter(|k| all[**k] > 5.0 * limit.max(median(&all)))
+            .filter(|k| all[**k] > far_off)
             .map(|k| data[*k].name.as_str())
             .collect();
         if far.is_empty() || all.len() < 4 {
