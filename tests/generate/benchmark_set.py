@@ -147,7 +147,7 @@ def index():
         name = path.relative_to(ROOT / "problems")
         lines.append(f"| [{name.with_suffix('')}]({name}) | {seen['counts']['structural']} | {', '.join(b['stresses'])} | {b['purpose']} "
                      f"| {r['solver']} | {r['position_rms']:g} {u['length']} | {rotation} | {r['practical']} |")
-    lines += ["", "`problems/real/` holds two machines whose measurements are not part of this project (docs/real-data.md)."]
+    lines += ["", "`problems/real/` holds machines whose measurements are not part of this project (docs/real-data.md)."]
     (ROOT / "problems/README.md").write_text("\n".join(lines) + "\n")
 
 

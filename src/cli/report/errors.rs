@@ -30,7 +30,7 @@ const MEASURED: [Measured; 6] = [
     Measured { name: "position", angular: false, of: |e| (e.position_rms, e.position_max) },
     Measured { name: "rotation", angular: true, of: |e| (e.rotation_rms, e.rotation_max) },
     Measured { name: "distance", angular: false, of: |e| (e.distance_rms, e.distance_max) },
-    Measured { name: "plane", angular: false, of: |e| (e.plane_rms, e.plane_max) },
+    Measured { name: "height", angular: false, of: |e| (e.plane_rms, e.plane_max) },
     Measured { name: "joint angle", angular: true, of: |e| (e.joint_angle_rms, e.joint_angle_max) },
     Measured { name: "joint length", angular: false, of: |e| (e.joint_length_rms, e.joint_length_max) },
 ];
