@@ -42,10 +42,7 @@ impl Seen {
         let (dom, log) = opened(browser, page, &["--dump-dom", &size, &scheme]);
         let root = dom.split_once("<html").and_then(|(_, rest)| rest.split_once('>'));
         let root = root.unwrap_or_else(|| panic!("no page: {log}")).0.to_owned();
-        Self {
-            root,
-            console: complaints(&log),
-        }
+        Self { root, console: complaints(&log) }
     }
 
     fn value(&self, key: &str) -> &str {
@@ -180,7 +177,8 @@ fn comparisons_are_whole_in_a_browser() {
     let Some(browser) = browser() else { return };
     let folder = tempfile::tempdir().unwrap();
     let problems = ["problems/serial-puma560.json", "problems/serial-scara.json"].map(file);
-    let arguments = "--solvers minimal,map,argmin-lm,argmin-lbfgs,textbook --seeds 2 --noise 1,0.1 --start 0,5";
+    let arguments =
+        "--solvers minimal,map,argmin-lm,argmin-lbfgs,textbook --seeds 2 --noise 1,0.1 --start 0,5";
     let ran = gough(
         &format!("compare {{0}} {{1}} {arguments} -o {{2}}"),
         &[&problems[0], &problems[1], folder.path()],
@@ -216,7 +214,8 @@ fn a_broken_page_is_noticed() {
     let text = std::fs::read_to_string(&page).unwrap();
     let figures = text.matches("<svg").count();
     let broken = text.replacen("<figure id", "<figure style=\"display:none\" id", 1);
-    let broken = broken.replace("</main>", "</main><img src='http://localhost/x.png'/><script>missing();</script>");
+    let broken =
+        broken.replace("</main>", "</main><img src='http://localhost/x.png'/><script>missing();</script>");
     std::fs::write(&page, broken).unwrap();
     let seen = Seen::of(&browser, &page, 1280, false);
     assert!(seen.console.iter().any(|line| line.contains("missing")), "{:?}", seen.console);

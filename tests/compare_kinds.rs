@@ -68,8 +68,7 @@ fn every_kind_of_measurement_is_compared_and_shown() {
 #[test]
 fn sets_are_compared_and_gross_errors_of_readings_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let separation =
-        simulated(folder.path(), "separation", &file("problems/serial-puma560.json"), "puma");
+    let separation = simulated(folder.path(), "separation", &file("problems/serial-puma560.json"), "puma");
     let (mut both, poses) = (json(&separation), json(&file("problems/serial-puma560.json")));
     both["name"] = "both".into();
     both["data"] = json!({ "sets": [poses["data"], both["data"]] });
@@ -86,9 +85,14 @@ fn sets_are_compared_and_gross_errors_of_readings_are_refused() {
         assert_eq!(line["score"]["samples"], 40 + poses["data"]["samples"].as_array().unwrap().len());
     }
     let mut spoiled = json(&separation);
-    spoiled["benchmark"] = json!({ "purpose": "p", "stresses": ["s"], "outliers": { "share": 0.1, "factor": 9 } });
+    spoiled["benchmark"] =
+        json!({ "purpose": "p", "stresses": ["s"], "outliers": { "share": 0.1, "factor": 9 } });
     let path = write(folder.path(), "spoiled.json", &spoiled);
     let ran = gough("compare {0} --solvers minimal", &[&path]);
     assert!(ran.status == 2 && ran.stdout.is_empty(), "{ran:?}");
-    assert!(ran.stderr.contains("spoiled.json") && ran.stderr.contains("benchmark.outliers"), "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("spoiled.json") && ran.stderr.contains("benchmark.outliers"),
+        "{}",
+        ran.stderr
+    );
 }

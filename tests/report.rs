@@ -126,8 +126,14 @@ fn the_choice_of_a_weight_and_every_kind_of_error_are_reported() {
         let (page, found) = (done("report {0}", &[&result]).stdout, json(&result));
         let key = format!("{}_rms", name.replace(' ', "_"));
         let rms = found["holdout"]["after"][key].as_f64().unwrap();
-        assert!(page.contains(&format!("The {name} error on readings that took no part went from")), "{kind}");
-        assert!(page.contains(&format!("data-value=\"{rms:e}\"")) && !page.contains("position rms"), "{kind}");
+        assert!(
+            page.contains(&format!("The {name} error on readings that took no part went from")),
+            "{kind}"
+        );
+        assert!(
+            page.contains(&format!("data-value=\"{rms:e}\"")) && !page.contains("position rms"),
+            "{kind}"
+        );
     }
 }
 

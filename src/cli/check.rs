@@ -215,11 +215,8 @@ fn residuals(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool
     let _ = writeln!(text, "  worst as drawn: {}", worst.collect::<Vec<_>>().join(", "));
     if finding.before <= limit {
         let far_off = 5.0 * limit.max(median(all.iter().copied()).unwrap_or(f64::INFINITY));
-        let far: Vec<&str> = order
-            .iter()
-            .filter(|k| all[**k] > far_off)
-            .map(|k| data[*k].name.as_str())
-            .collect();
+        let far: Vec<&str> =
+            order.iter().filter(|k| all[**k] > far_off).map(|k| data[*k].name.as_str()).collect();
         if far.is_empty() || all.len() < 4 {
             return false;
         }

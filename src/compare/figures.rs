@@ -5,9 +5,9 @@ use super::profile::{Profile, data, performance};
 use super::study::{Study, descent};
 use super::tables::if_verified;
 use crate::render::text::counted;
+use crate::render::{Axis, Figure, Kind, Palette, Point, ReferenceLine, Series, Shape, Style};
 use crate::solve::registry;
 use crate::statistics::{median, wilson};
-use crate::render::{Axis, Figure, Kind, Palette, Point, ReferenceLine, Series, Shape, Style};
 
 /// Part of the way to the best cost at which data profiles count a problem as solved.
 const SOLVED: f64 = 1e-5;

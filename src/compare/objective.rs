@@ -52,12 +52,7 @@ pub fn judged(found: &Identification, samples: &[Sample], reference: &Geometry) 
 }
 
 impl Seen {
-    fn at(
-        start: &Mechanism,
-        geometry: &Geometry,
-        samples: &[Sample],
-        objective: &Objective,
-    ) -> Option<Self> {
+    fn at(start: &Mechanism, geometry: &Geometry, samples: &[Sample], objective: &Objective) -> Option<Self> {
         let at = geometry.deviations_from(&start.nominal());
         let of = |form| Calibration::new(start, samples, form, &at);
         let complete = of(Form::Complete);
@@ -122,11 +117,9 @@ impl Seen {
         }
         let face = Mat::from_fn(curved.len(), kept.len(), |i, j| self.jac[(curved[i], kept[j])]);
         let svd = linalg::svd(face.as_ref())?;
-        let along =
-            linalg::mul_transpose(svd.v.as_ref(), &kept.iter().map(|&i| g[i]).collect::<Vec<f64>>());
+        let along = linalg::mul_transpose(svd.v.as_ref(), &kept.iter().map(|&i| g[i]).collect::<Vec<f64>>());
         let curvature = |k: usize| svd.s.get(k).map_or(0.0, |s| s * s) + objective.ridge;
-        let decrement: f64 =
-            along.iter().enumerate().map(|(k, g)| g * g / curvature(k).max(1.0)).sum();
+        let decrement: f64 = along.iter().enumerate().map(|(k, g)| g * g / curvature(k).max(1.0)).sum();
         let known = (0..along.len()).filter(|&k| curvature(k) > 1.0).count().max(1) as f64;
         let square: f64 = influence.iter().map(|v| v * v).sum();
         let variance = square / (curved.len() as f64 - known).max(1.0);

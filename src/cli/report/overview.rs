@@ -10,11 +10,8 @@ use crate::render::{Cell, Part, Section, Table};
 /// The first paragraph of the page.
 pub(super) fn intro(result: &ResultFile) -> String {
     let outcome = if result.converged { "" } else { "The identifier did not converge. " };
-    let mut text = format!(
-        "{outcome}Stopped after {}: {}.",
-        counted(result.iterations, "iteration"),
-        result.reason
-    );
+    let mut text =
+        format!("{outcome}Stopped after {}: {}.", counted(result.iterations, "iteration"), result.reason);
     let which =
         if result.holdout.is_some() { "on readings that took no part" } else { "on the readings used" };
     if let (Some(first), Some(fit)) = (measured(result).first(), result.holdout.or(result.fit))
@@ -33,8 +30,9 @@ pub(super) fn intro(result: &ResultFile) -> String {
 
 /// Tables of the outcome and of the errors, and what deserves attention.
 pub(super) fn section(result: &ResultFile, study: &Result<Study, String>) -> Section {
-    let mut section =
-        Section::new("Summary").with(Part::Table(errors::table(result))).with(Part::Table(outcome(result, study)));
+    let mut section = Section::new("Summary")
+        .with(Part::Table(errors::table(result)))
+        .with(Part::Table(outcome(result, study)));
     if matches!(study, Ok(study) if !study.reproduced) {
         section.parts.push(Part::Text(
             "Attention: the problem file no longer gives the errors that the result states. It has changed since; \
