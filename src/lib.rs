@@ -49,7 +49,8 @@
 //!
 //! # Modules
 //!
-//! From the bottom up: [`lie`] rotations and rigid motions; [`linalg`] dense factorisations; [`problem`] what an
+//! From the bottom up: [`lie`] rotations and rigid motions; [`linalg`] dense factorisations; [`statistics`]
+//! medians and intervals; [`problem`] what an
 //! identifier sees; [`model`] joints, limbs, postures; [`measure`] instruments; [`calibration`] machine and
 //! measurements as a problem; [`simulate`] synthetic measurements; [`solve`] identifiers; [`identify`] a whole
 //! identification; [`design`] which postures to measure; [`check`] mistakes in data; [`files`] problem and result
@@ -72,4 +73,5 @@ pub mod problem;
 pub mod render;
 pub mod simulate;
 pub mod solve;
+pub mod statistics;
 pub mod wide;

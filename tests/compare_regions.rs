@@ -3,10 +3,10 @@
 use gough::compare::campaign::{Campaign, Contestant, Subject};
 use gough::compare::execute::execute;
 use gough::compare::line::{RunLine, Source};
-use gough::compare::statistics::middle;
 use gough::compare::tolerance::Tolerance;
 use gough::files::{DataPlaces, read_problem};
 use gough::solve::registry;
+use gough::statistics::middle;
 use std::sync::Mutex;
 
 /// Lines of a campaign with `minimal` and `map` on the PUMA.

@@ -2,10 +2,10 @@
 
 use gough::compare::gauge::representative;
 use gough::compare::profile::{Descent, data, evaluations_to, performance};
-use gough::compare::statistics::{middle, quantile, wilson};
 use gough::files::{DataPlaces, read_problem};
 use gough::model::Mechanism;
 use gough::simulate::{close, draw_deviations};
+use gough::statistics::{middle, quantile, wilson};
 
 const NEVER: f64 = f64::INFINITY;
 

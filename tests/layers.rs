@@ -4,9 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 18] = [
+const LAYERS: [(&str, &[&str]); 19] = [
     ("wide", &[]),
     ("lie", &[]),
+    ("statistics", &[]),
     ("linalg", &["problem"]),
     // A problem knows no robot, no file and no terminal.
     ("problem", &["linalg"]),
@@ -14,12 +15,15 @@ const LAYERS: [(&str, &[&str]); 18] = [
     ("measure", &["lie", "model"]),
     ("calibration", &["wide", "lie", "linalg", "problem", "model", "measure"]),
     // Nor does an identifier.
-    ("solve", &["linalg", "problem"]),
+    ("solve", &["linalg", "statistics", "problem"]),
     ("simulate", &["lie", "model", "measure"]),
-    ("identify", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "solve"]),
+    (
+        "identify",
+        &["lie", "linalg", "statistics", "problem", "model", "measure", "calibration", "simulate", "solve"],
+    ),
     // Plans postures; what it plans for and where it writes is not its business.
     ("design", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "identify"]),
-    ("check", &["lie", "model", "measure", "calibration", "simulate", "identify"]),
+    ("check", &["lie", "statistics", "model", "measure", "calibration", "simulate", "identify"]),
     ("files", &["lie", "model", "measure", "calibration"]),
     // Figures and pages are data in, bytes out.
     ("render", &[]),
@@ -28,6 +32,7 @@ const LAYERS: [(&str, &[&str]); 18] = [
         &[
             "lie",
             "linalg",
+            "statistics",
             "problem",
             "model",
             "measure",
@@ -45,6 +50,7 @@ const LAYERS: [(&str, &[&str]); 18] = [
         &[
             "lie",
             "linalg",
+            "statistics",
             "problem",
             "model",
             "measure",

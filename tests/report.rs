@@ -108,6 +108,35 @@ fn a_run_that_diverged_is_reported() {
     assert!(page.contains("The identifier did not converge."));
 }
 
+/// The curve from which a weight was chosen, and errors of what was measured, whatever it was.
+#[test]
+fn the_choice_of_a_weight_and_every_kind_of_error_are_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let (problem, result) = (folder.path().join("p.json"), folder.path().join("r.json"));
+    for (rule, words) in [("cv", "error of samples left out"), ("discrepancy", "discrepancy principle")] {
+        let line = format!("identify {{0}} --solver conic-ridge --set weight={rule} -o {{1}}");
+        assert_eq!(gough(&line, &[&file("problems/serial-scara.json"), &result]).status, 0);
+        let page = done("report {0}", &[&result]).stdout;
+        assert!(page.contains("<figure id=\"weight\"") && page.contains(words), "{rule}");
+    }
+    for (kind, name) in [("separation", "distance"), ("passive-joint", "joint angle")] {
+        let simulate = format!("simulate {{0}} --poses 40 --seed 1 --kind {kind} -o {{1}}");
+        done(&simulate, &[&file("problems/tripod-3rps.json"), &problem]);
+        assert_eq!(gough("identify {0} -o {1}", &[&problem, &result]).status, 0);
+        let (page, found) = (done("report {0}", &[&result]).stdout, json(&result));
+        let key = format!("{}_rms", name.replace(' ', "_"));
+        let rms = found["holdout"]["after"][key].as_f64().unwrap();
+        assert!(
+            page.contains(&format!("The {name} error on readings that took no part went from")),
+            "{kind}"
+        );
+        assert!(
+            page.contains(&format!("data-value=\"{rms:e}\"")) && !page.contains("position rms"),
+            "{kind}"
+        );
+    }
+}
+
 /// Residuals are those that the scores count, component by component.
 #[test]
 fn residuals_agree_with_the_scores() {

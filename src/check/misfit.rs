@@ -9,6 +9,7 @@ use crate::model::inverse::passive_at_pose;
 use crate::model::mechanism::pose_difference;
 use crate::model::{Mechanism, Posture};
 use crate::simulate::{close, draw_deviations, draw_postures};
+use crate::statistics::median;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
 /// Machines drawn from the tolerances.
@@ -78,13 +79,6 @@ pub fn misfits(mechanism: &Mechanism, data: &[Reading]) -> Vec<f64> {
         .collect()
 }
 
-/// The middle one of the values; infinite where there are none.
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::INFINITY)
-}
-
 /// Misfits that tolerances and noise explain, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
@@ -121,9 +115,7 @@ pub fn expected(mechanism: &Mechanism, noise: Option<&Matrix6<f64>>, position_on
             })
             .collect();
         let found: Vec<f64> = misfits(mechanism, &seen).into_iter().filter(|m| m.is_finite()).collect();
-        if !found.is_empty() {
-            typical = typical.max(median(&found));
-        }
+        typical = median(found.iter().copied()).map_or(typical, |median| typical.max(median));
         largest = found.into_iter().fold(largest, f64::max);
     }
     let length = mechanism.characteristic_length();

@@ -1,8 +1,9 @@
 //! Readings at home that data ask for.
 
-use super::misfit::{Reading, median};
+use super::misfit::Reading;
 use crate::model::Mechanism;
 use crate::model::inverse::passive_at_pose;
+use crate::statistics::median;
 
 /// Offset of every actuator's reading (rad or m, actuator order): the median of what inverse kinematics of the measured
 /// poses wants less what was read. `None` without whole poses.
@@ -26,5 +27,5 @@ pub fn offsets(mechanism: &Mechanism, data: &[Reading]) -> Option<Vec<f64>> {
             list.push(wanted - read);
         }
     }
-    Some(differences.iter().map(|list| median(list)).collect())
+    differences.into_iter().map(median).collect()
 }

@@ -5,9 +5,10 @@
 //! over offsets or a frame found from the data, which have numbers to fit with, and one frame over two.
 
 use super::correction::{Correction, corrections};
-use super::misfit::{Reading, median, misfits};
+use super::misfit::{Reading, misfits};
 use crate::identify::registration::FreeEnds;
 use crate::model::Mechanism;
+use crate::statistics::median;
 use rayon::prelude::*;
 
 /// Postures that are looked at; of several mistakes at once.
@@ -75,7 +76,7 @@ impl Search<'_> {
     fn misfit(&self, data: &[Reading], made: &[usize]) -> Option<f64> {
         let corrections: Option<Vec<Correction>> = made.iter().map(|i| self.list.get(*i).cloned()).collect();
         let (mechanism, data) = corrected(self.mechanism, data, &corrections?)?;
-        Some(median(&misfits(&mechanism, &data)))
+        Some(median(misfits(&mechanism, &data)).unwrap_or(f64::INFINITY))
     }
 
     /// How many sets of numbers the corrections fit to the data.

@@ -3,10 +3,10 @@
 use super::check::joints;
 use super::wording::{counted, listed};
 use crate::calibration::Sample;
-use crate::check::misfit::median;
 use crate::check::offsets::offsets;
 use crate::check::{Correction, Finding, Reading, compared, corrected, expected, misfits, search};
 use crate::files::{Kind, ProblemFile};
+use crate::statistics::median;
 use std::fmt::Write;
 
 /// Part of the machine's size that counts as explained where no tolerances are stated.
@@ -65,7 +65,7 @@ pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String)
     // What stands out does so from the others as they are once the mistake is mended.
     let mended = corrected(mechanism, data, &finding.corrections);
     let all = mended.map_or(all, |(mechanism, data)| misfits(&mechanism, &data));
-    let threshold = single.max(OUTSTANDING * median(&all));
+    let threshold = single.max(OUTSTANDING * median(all.iter().copied()).unwrap_or(f64::INFINITY));
     let far: Vec<String> = by_size(&all)
         .into_iter()
         .filter(|k| all[*k] > threshold)

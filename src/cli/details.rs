@@ -11,13 +11,9 @@ pub(super) const SHOWN: usize = 5;
 /// Relative difference up to which two deviations of a limb are the same.
 const SAME: f64 = 1e-6;
 
-/// Four significant digits.
+/// Four significant digits, as summaries show numbers.
 pub(super) fn digits(value: f64) -> String {
-    if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
-        return format!("{value:.3e}");
-    }
-    let before = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
-    format!("{value:.*}", usize::try_from(3 - before).unwrap_or(0))
+    crate::render::text::digits(value, 4)
 }
 
 /// Samples of weight 0: what the result makes of them.

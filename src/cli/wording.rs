@@ -2,14 +2,10 @@
 
 use crate::files::Units;
 use crate::model::NotClosed;
+pub use crate::render::text::counted;
 
 /// Names that a list shows before it breaks off.
 const SHOWN: usize = 10;
-
-/// `1 posture`, `2 postures`.
-pub fn counted(count: usize, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
-}
 
 /// The first names, and how many more there are.
 pub fn listed<T: AsRef<str>>(names: &[T]) -> String {

@@ -1,25 +1,29 @@
 //! Figures of a study. Every identifier keeps its colour and marker in all of them.
 
-use super::line::RunLine;
+use super::line::{Prediction, RunLine};
 use super::profile::{Profile, data, performance};
-use super::statistics::{middle, wilson};
 use super::study::{Study, descent};
 use super::tables::if_verified;
+use crate::render::text::counted;
 use crate::render::{Axis, Figure, Kind, Palette, Point, ReferenceLine, Series, Shape, Style};
+use crate::solve::registry;
+use crate::statistics::{median, wilson};
 
 /// Part of the way to the best cost at which data profiles count a problem as solved.
 const SOLVED: f64 = 1e-5;
 
 /// All figures that the study has the data for.
 pub fn figures(study: &Study) -> Vec<Figure> {
-    let palette = Palette::new(study.solvers.iter().cloned());
+    // By the registry, so that an identifier looks the same in every campaign.
+    let known = registry::all().into_iter().map(|identifier| identifier.name().to_owned());
+    let palette = Palette::new(known.chain(study.solvers.iter().cloned()));
     let mut figures = vec![success(study, &palette)];
     let rows = study.matched();
     if !rows.is_empty() {
         let caption = format!(
-            "Share of {} runs that are verified and cost at most so many times what the best identifier spent on the \
+            "Share of {} that are verified and cost at most so many times what the best identifier spent on the \
              same run. With more than two identifiers the order of two of them may turn when a third is left out.",
-            rows.len()
+            counted(rows.len(), "run")
         );
         let costs = |of: fn(&RunLine) -> f64| -> Vec<Vec<f64>> {
             rows.iter().map(|row| row.iter().map(|line| if_verified(line, of(line))).collect()).collect()
@@ -42,11 +46,11 @@ pub fn figures(study: &Study) -> Vec<Figure> {
             profiles(
                 study,
                 &palette,
-                &performance(&costs(|line| line.cost.cpu.unwrap_or(line.cost.wall))),
+                &performance(&costs(RunLine::time)),
                 Figure::new(
                     "performance-time",
-                    "Performance profile, time",
-                    Axis::log("time of the identifier / least time"),
+                    "Performance profile, processor time",
+                    Axis::log("processor time / least processor time"),
                     Axis::linear("share of runs").spanning(0.0, 1.0),
                 ),
             )
@@ -67,9 +71,9 @@ pub fn figures(study: &Study) -> Vec<Figure> {
                 ),
             )
             .captioned(format!(
-                "Share of {} runs whose cost comes, within so many evaluations, down to {SOLVED:e} of the way from the \
+                "Share of {} whose cost comes, within so many evaluations, down to {SOLVED:e} of the way from the \
                  first cost to the least of any identifier.",
-                rows.len()
+                counted(rows.len(), "run")
             )),
         );
     }
@@ -153,8 +157,8 @@ fn accuracy(study: &Study, palette: &Palette) -> Figure {
     let figure = Figure::new(
         "accuracy-time",
         "Accuracy and time",
-        Axis::log("time of the identifier / ms"),
-        Axis::log("hold-out error / noise of a measurement"),
+        Axis::log("processor time of the identifier / ms"),
+        Axis::log("hold-out error / noise"),
     );
     study
         .solvers
@@ -166,14 +170,15 @@ fn accuracy(study: &Study, palette: &Palette) -> Figure {
                 .iter()
                 .filter_map(|condition| {
                     let runs = &condition.runs[index];
-                    let time = middle(runs.iter().map(|line| 1e3 * line.cost.wall))?;
+                    let time = median(runs.iter().map(|line| 1e3 * line.time()))?;
                     let error = |line: &&RunLine| line.score.after.in_noise.unwrap_or(f64::INFINITY);
-                    Some((time.median, middle(runs.iter().map(error))?.median))
+                    Some((time, median(runs.iter().map(error))?))
                 })
                 .collect();
             figure.with(Series::new(solver.as_str(), Kind::Points, palette.style(solver), &points))
         })
-        .captioned("Medians over seeds, a point for each problem, noise and start; left and low is better.")
+        .captioned("Medians over seeds, a point for each problem, noise and start; left and low is better. Errors are in standard \
+             deviations of a measurement; processor time is wall time where the system does not tell it.")
 }
 
 fn by_start(study: &Study, palette: &Palette) -> Figure {
@@ -204,11 +209,15 @@ fn by_start(study: &Study, palette: &Palette) -> Figure {
 }
 
 fn by_noise(study: &Study, palette: &Palette, problem: &str) -> Figure {
+    // Distances, heights and joint readings have no position: their errors count in the noise.
+    let mut runs = study.conditions.iter().filter(|c| c.problem == problem).flat_map(|c| &c.runs).flatten();
+    let placed = runs.any(|line| line.score.before.position.is_some());
+    let shown = |of: Prediction| if placed { of.position.map(|v| 1e6 * v) } else { of.in_noise };
     let figure = Figure::new(
         format!("error-noise-{problem}"),
         format!("Error and noise, {problem}"),
         Axis::log("factor on the noise"),
-        Axis::log("position error of hold-out poses / um"),
+        Axis::log(if placed { "hold-out position error / µm" } else { "hold-out error / noise" }),
     );
     let start = study.values(|c| if c.problem == problem { c.start } else { f64::INFINITY })[0];
     let conditions: Vec<_> =
@@ -218,11 +227,11 @@ fn by_noise(study: &Study, palette: &Palette, problem: &str) -> Figure {
             .iter()
             .filter_map(|condition| {
                 let runs = condition.runs[solvers.clone()].iter().flatten();
-                Some((condition.noise, 1e6 * middle(runs.filter_map(of))?.median))
+                Some((condition.noise, median(runs.filter_map(of))?))
             })
             .collect()
     };
-    let bound = line(&|line| line.score.bound?.position, 0..study.solvers.len());
+    let bound = line(&|line| shown(line.score.bound?), 0..study.solvers.len());
     let style = Style { colour: "currentColor".into(), marker: crate::render::Marker::Circle };
     let figure = figure.with(Series::new("Cramer-Rao bound", Kind::Dashed, style, &bound));
     study
@@ -230,9 +239,12 @@ fn by_noise(study: &Study, palette: &Palette, problem: &str) -> Figure {
         .iter()
         .enumerate()
         .fold(figure, |figure, (index, solver)| {
-            let error = |line: &&RunLine| Some(line.score.after.position.unwrap_or(f64::INFINITY));
+            let error = |line: &&RunLine| Some(shown(line.score.after).unwrap_or(f64::INFINITY));
             let points = line(&error, index..index + 1);
             figure.with(Series::new(solver.as_str(), Kind::LinePoints, palette.style(solver), &points))
         })
-        .captioned(format!("Medians over seeds, started {start} tolerances from nominal."))
+        .captioned(format!(
+            "Medians over seeds, started {start} tolerances from nominal. {}The broken line is the Cramer-Rao bound.",
+            if placed { "" } else { "In standard deviations of a measurement at that noise. " }
+        ))
 }

@@ -91,9 +91,10 @@ pub struct Claimed {
 pub struct Verified {
     /// Whether every check that could be made passed.
     pub success: bool,
-    /// Relative offset within the tolerance; `None` for constrained and robust estimates.
+    /// Distance from a stationary point within the tolerance; `None` for a loss without a derivative.
     pub stationary: Option<bool>,
-    /// Cost no higher than that of the truth with its prior, or of the start without a truth.
+    /// Cost no higher than that of the truth with its prior, or of the nominal machine without a truth; of constrained,
+    /// sparse and robust estimates what they minimise, no higher than at the truth.
     pub cost: Option<bool>,
     /// Predicted poses within the tolerance of the bound, or better than before without a truth.
     pub prediction: Option<bool>,
@@ -161,8 +162,13 @@ pub struct Score {
     pub cost_truth: Option<f64>,
     /// Squared deviation of the truth in tolerances, halved.
     pub prior_truth: Option<f64>,
-    /// Relative offset at the result.
+    /// Distance of the result from a stationary point of what is minimised (the KKT residual), in units of its
+    /// uncertainty: docs/theory.md (13.1), (13.5).
     pub offset: Option<f64>,
+    /// What a constrained, sparse or robust estimate minimises, at the result.
+    pub objective: Option<f64>,
+    /// The same at the truth, at nominal without one; `None` where limits exclude that.
+    pub objective_reference: Option<f64>,
     /// Hold-out poses predicted by the nominal machine.
     pub before: Prediction,
     /// Hold-out poses predicted by the result.
@@ -245,6 +251,11 @@ impl SolverKey {
 }
 
 impl RunLine {
+    /// Processor time of the identifier, s; its wall time where the system does not tell that of a thread.
+    pub fn time(&self) -> f64 {
+        self.cost.cpu.unwrap_or(self.cost.wall)
+    }
+
     /// Evaluations in all.
     pub fn evaluations(&self) -> f64 {
         self.effort.residuals + self.effort.jacobians

@@ -14,14 +14,19 @@ const ROUNDING: f64 = 1e-8;
 /// Relative offset of Bates and Watts (Technometrics 23(2), 1981), with the prior's rows among the residuals
 /// (docs/theory.md (13.1)): the length of the Gauss-Newton step in units of the uncertainty of the estimate.
 ///
-/// `None` for constrained and robust estimates, which are stationary points of something else, and where the result
-/// cannot be evaluated.
+/// `None` for constrained, sparse and robust estimates, which are stationary points of something else
+/// ([`super::objective`]), and where the result cannot be evaluated.
 pub fn relative_offset(found: &Identification, samples: &[Sample], form: Form) -> Option<f64> {
     let estimate = found.report.estimate;
     if estimate == Estimate::Other {
         return None;
     }
     let at = found.geometry.deviations_from(&found.start.nominal());
+    // Without penalties and limits the redundancy has no say.
+    let form = match (form, estimate) {
+        (Form::Complete, Estimate::Split { .. }) => Form::Minimal,
+        (form, _) => form,
+    };
     let in_form: Vec<Sample> = match form {
         Form::Plain => samples
             .iter()

@@ -5,6 +5,7 @@ use super::line::RunLine;
 use super::study::{Mixed, Study};
 use super::tables::{by_accuracy, by_problem, claims};
 use crate::render::svg::svg;
+use crate::render::text::counted;
 use crate::render::{Cell, Page, Part, Section, Table};
 
 /// A file by its name and content.
@@ -54,11 +55,11 @@ pub fn files(lines: &[RunLine]) -> Result<Vec<Named>, Mixed> {
 fn intro(study: &Study, lines: &[RunLine]) -> String {
     let tolerance = &study.sample.run.tolerance;
     format!(
-        "{} runs: {} problems, {} identifiers, tolerance `{}` (relative offset at most {:e}, cost at most {} % above that \
+        "{}: {}, {}, tolerance `{}` (relative offset at most {:e}, cost at most {} % above that \
          of the truth with its prior, hold-out error at most {} times the Cramer-Rao bound).",
-        lines.len(),
-        study.problems().len(),
-        study.solvers.len(),
+        counted(lines.len(), "run"),
+        counted(study.problems().len(), "problem"),
+        counted(study.solvers.len(), "identifier"),
         tolerance.name,
         tolerance.offset,
         100.0 * tolerance.cost,
@@ -87,7 +88,7 @@ fn all_runs(lines: &[RunLine]) -> Table {
         "#parameter bound / tolerance",
         "#NEES",
         "#freedom",
-        "#offset",
+        "#KKT residual (relative offset)",
         "#cost",
         "#evaluations",
         "#iterations",

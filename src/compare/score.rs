@@ -4,6 +4,7 @@ use super::bound::Bound;
 use super::draw::Drawn;
 use super::gauge::representative;
 use super::line::{Consistency, Parameters, Prediction, Score, Verified};
+use super::objective::judged;
 use super::offset::relative_offset;
 use super::tolerance::Tolerance;
 use crate::calibration::Sample;
@@ -13,6 +14,7 @@ use crate::identify::{Fit, Identification};
 use crate::linalg;
 use crate::model::{Geometry, Mechanism};
 use crate::problem::Form;
+use crate::solve::Estimate;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Cost `|r|^2 / 2` of the geometry over all samples; `None` where some do not close.
@@ -55,10 +57,17 @@ pub fn after(
         let found = representative(&found.start, &found.geometry);
         found.iter().zip(&bound.truth).map(|(z, truth)| z - truth).collect::<Vec<f64>>()
     });
+    let reference = drawn.truth.clone().unwrap_or_else(|| found.start.nominal());
+    let judged = match found.report.estimate {
+        Estimate::Other => judged(found, &drawn.samples, &reference),
+        _ => None,
+    };
     Score {
         set_aside: found.set_aside.len(),
         cost: cost(&found.start, &found.geometry, &drawn.samples),
-        offset: relative_offset(found, &drawn.samples, form),
+        offset: relative_offset(found, &drawn.samples, form).or(judged.and_then(|judged| judged.offset)),
+        objective: judged.map(|judged| judged.value),
+        objective_reference: judged.and_then(|judged| judged.reference),
         after,
         ratio,
         parameters: bound.zip(error.as_ref()).and_then(|(bound, error)| parameters(bound, error)),
@@ -124,12 +133,13 @@ pub fn verify(score: &Score, tolerance: &Tolerance) -> Verified {
         format!("relative offset {} above {:e}", shown(score.offset), tolerance.offset)
     });
     // A minimiser is no worse than the truth, nor than where it came from.
-    let least = match (score.cost_truth, score.prior_truth) {
-        (Some(cost), Some(prior)) => Some(cost + prior),
-        _ => score.cost_nominal,
+    let (cost, least) = match (score.objective, score.cost_truth, score.prior_truth) {
+        (Some(value), ..) => (Some(value), score.objective_reference),
+        (None, Some(cost), Some(prior)) => (score.cost, Some(cost + prior)),
+        _ => (score.cost, score.cost_nominal),
     };
-    let within = |limit: f64| score.cost.is_some_and(|cost| cost <= limit * (1.0 + tolerance.cost));
-    let cost = check(least.map(within), &|| format!("cost {} above {}", shown(score.cost), shown(least)));
+    let within = |limit: f64| cost.is_some_and(|cost| cost <= limit * (1.0 + tolerance.cost));
+    let cost = check(least.map(within), &|| format!("cost {} above {}", shown(cost), shown(least)));
     let predicted = score.after.poses > 0 && score.after.poses >= score.before.poses;
     let prediction = match (score.bound, score.before.in_noise) {
         (Some(_), _) => Some(predicted && score.ratio.is_some_and(|ratio| ratio <= tolerance.prediction)),

@@ -1,10 +1,10 @@
 //! Tables of a study.
 
-use super::line::{Ended, RunLine};
+use super::line::{Ended, Prediction, RunLine};
 use super::profile::evaluations_to;
-use super::statistics::{Middle, middle, wilson};
 use super::study::{Study, descent};
 use crate::render::{Cell, Table};
+use crate::statistics::{Middle, middle, wilson};
 use std::collections::BTreeMap;
 
 /// Parts of the way from first to best cost at which runs are matched.
@@ -66,20 +66,22 @@ pub fn by_problem(study: &Study) -> Table {
         "#verified",
         "#95 % interval",
         "#claimed",
-        "#position error / um",
+        "#position error / µm",
         "#quartiles",
-        "#rotation error / urad",
+        "#rotation error / µrad",
         "#quartiles",
+        "#error in noise",
         "#error by bound",
         "#in 95 % region",
         "#evaluations",
         "#iterations",
-        "#time / ms",
+        "#wall time / ms",
         "#quartiles",
-        "#processor / ms",
+        "#processor time / ms",
     ];
     let mut table = Table::new("by-problem", "Problems", &columns).captioned(
-        "Medians over seeds. Position and rotation are those of hold-out poses. Runs that are not verified count at the \
+        "Medians over seeds. Position and rotation are those of hold-out poses; \
+         the error in noise is that of all readings of the hold-out, in standard deviations. Runs that are not verified count at the \
          limit in evaluations, iterations and times. \"By bound\" is the hold-out error in units of the Cramer-Rao bound; \
          \"in 95 % region\" the share of runs whose stated 95 % region covers the truth. Noise is the factor on the \
          stated noise, start the distance from nominal in tolerances.",
@@ -94,8 +96,16 @@ pub fn by_problem(study: &Study) -> Table {
             let covered = runs.iter().filter_map(|line| line.score.consistency);
             let (regions, inside) =
                 (covered.clone().count(), covered.filter(|c| c.probability <= 0.95).count());
-            let [position, position_spread] = of(|line| 1e6 * or_infinite(line.score.after.position));
-            let [rotation, rotation_spread] = of(|line| 1e6 * or_infinite(line.score.after.rotation));
+            // What the hold-out does not measure is no failure.
+            let measured = |of: fn(&Prediction) -> Option<f64>| {
+                if !runs.iter().any(|line| of(&line.score.before).is_some()) {
+                    return [Cell::none(), Cell::none()];
+                }
+                spread(runs.iter().map(|line| 1e6 * or_infinite(of(&line.score.after))))
+            };
+            let [position, position_spread] = measured(|error| error.position);
+            let [rotation, rotation_spread] = measured(|error| error.rotation);
+            let [in_noise, _] = of(|line| or_infinite(line.score.after.in_noise));
             let ratios = runs.iter().filter(|line| line.score.bound.is_some());
             let [ratio, _] = spread(ratios.map(|line| or_infinite(line.score.ratio)));
             let [evaluations, _] = of(|line| if_verified(line, line.evaluations()));
@@ -116,6 +126,7 @@ pub fn by_problem(study: &Study) -> Table {
                 position_spread,
                 rotation,
                 rotation_spread,
+                in_noise,
                 ratio,
                 share(inside, regions),
                 evaluations,
@@ -143,8 +154,8 @@ pub fn claims(study: &Study) -> Table {
         "most frequent reason of failure",
     ];
     let mut table = Table::new("claims", "Identifiers", &columns).captioned(
-        "Verified: the result is stationary, costs no more than the truth with its prior, and predicts hold-out poses, \
-         each within the tolerance. Claimed: the identifier says that it converged.",
+        "Verified by the problem: the result is a stationary point of what its identifier minimises, costs no more than \
+         the truth does, and predicts the hold-out, each within the tolerance. Claimed: the identifier says that it converged.",
     );
     for (index, solver) in study.solvers.iter().enumerate() {
         let runs: Vec<&RunLine> = study.runs(index).collect();

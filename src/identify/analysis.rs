@@ -8,6 +8,7 @@ use crate::calibration::{Calibration, Sample, SetAside};
 use crate::linalg::{self, Svd};
 use crate::model::Mechanism;
 use crate::problem::{EvalError, Form, Problem};
+use crate::statistics::median;
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
@@ -76,8 +77,8 @@ impl Analysis {
     /// Postures whose information is less than a tenth of the median one's.
     pub fn idle(&self) -> Vec<&PostureInformation> {
         let ranked = self.ranked();
-        let median = ranked.get(ranked.len() / 2).map_or(0.0, |posture| posture.bits);
-        ranked.into_iter().rev().take_while(|posture| posture.bits < NOTHING * median).collect()
+        let least = NOTHING * median(ranked.iter().map(|posture| posture.bits)).unwrap_or(0.0);
+        ranked.into_iter().rev().take_while(|posture| posture.bits < least).collect()
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::calibration::{Postures, Sample, SetAside};
 use crate::measure::{Errors, Evaluation};
 use crate::model::{Geometry, Mechanism};
+use crate::statistics::median;
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -92,10 +93,8 @@ pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) 
         })
         .collect();
     let square = |outlier: &Outlier, law: &ChiSquared| outlier.weighted_rms.powi(2) * law.freedom();
-    let mut excess: Vec<f64> =
-        tested.iter().map(|(outlier, law)| square(outlier, law) / law.inverse_cdf(0.5)).collect();
-    excess.sort_by(f64::total_cmp);
-    let noise = excess.get(excess.len() / 2).map_or(1.0, |median| median.max(1.0));
+    let excess = tested.iter().map(|(outlier, law)| square(outlier, law) / law.inverse_cdf(0.5));
+    let noise = median(excess).map_or(1.0, |median| median.max(1.0));
     for (outlier, law) in &mut tested {
         outlier.probability = law.sf(square(outlier, law) / noise);
     }

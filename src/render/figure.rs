@@ -46,7 +46,7 @@ pub enum Kind {
     Dashed,
     /// Markers, with the intervals that points have.
     Points,
-    /// A staircase that keeps each value until the next point.
+    /// A staircase that keeps each value until the next point, with some markers along it.
     Steps,
     /// Bars from zero (from the lower edge on a logarithmic axis) of this width along the first axis.
     Bars {

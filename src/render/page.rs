@@ -8,6 +8,9 @@ use super::text::{escaped, slug};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+/// The browser itself refuses whatever is not in the file.
+const POLICY: &str =
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
 
 /// What a section holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,6 +79,7 @@ impl Page {
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/>\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\"/>\n\
              <meta name=\"color-scheme\" content=\"light dark\"/>\n<title>{title}</title>\n\
              <link rel=\"icon\" href=\"data:,\"/>\n<style>\n{STYLE}</style>\n</head><body><main>\n{body}</main>\n\
              <script>\n{SCRIPT}</script>\n</body></html>\n"

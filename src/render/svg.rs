@@ -18,6 +18,8 @@ use std::sync::Arc;
 const GRID: &str = "#80808055";
 /// Colour of everything that is text or axis.
 const INK: &str = "currentColor";
+/// Markers on a step curve.
+const MARKED: usize = 7;
 /// Family of all text.
 const FONT: &str = "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
 
@@ -57,6 +59,7 @@ pub fn svg(figure: &Figure) -> String {
 }
 
 /// A point in places of the axes.
+#[derive(Clone, Copy)]
 struct Placed {
     x: f64,
     y: f64,
@@ -103,7 +106,7 @@ fn drawn(series: &Series, points: &[Placed], base: f64, plots: &mut Vec<Plot>) {
         Kind::LinePoints => plots.extend([line().into(), markers(series, points, 3.5)]),
         Kind::Dashed => plots.push(line().with_stroke_width(1.3).with_dashed().into()),
         Kind::Points => plots.push(markers(series, points, 3.0)),
-        Kind::Steps => plots.push(line().with_step().into()),
+        Kind::Steps => plots.extend([line().with_step().into(), markers(series, &some(points), 3.0)]),
         Kind::Cells { size } => {
             let marks = ScatterPlot::new().with_data(xy()).with_color(colour).with_size(0.5 * size);
             plots.push(marks.with_marker(MarkerShape::Square).into());
@@ -118,6 +121,14 @@ fn drawn(series: &Series, points: &[Placed], base: f64, plots: &mut Vec<Plot>) {
             plots.push(band.with_color(colour).with_opacity(0.2).into());
         }
     }
+}
+
+/// Points spread over all, first and last among them: enough to tell curves of one colour apart.
+fn some(points: &[Placed]) -> Vec<Placed> {
+    let last = points.len().saturating_sub(1);
+    let mut indices: Vec<usize> = (0..MARKED).map(|k| k * last / (MARKED - 1)).collect();
+    indices.dedup();
+    indices.into_iter().filter_map(|index| points.get(index).copied()).collect()
 }
 
 /// Markers, behind them the intervals that points have.
@@ -219,8 +230,8 @@ fn layout(figure: &Figure, x: Scale, y: Scale) -> Layout {
 
 fn entry(series: &Series) -> LegendEntry {
     let shape = match series.kind {
-        Kind::Line | Kind::Dashed | Kind::Steps => LegendShape::Line,
-        Kind::LinePoints | Kind::Points => LegendShape::Marker(shape(series.style.marker)),
+        Kind::Line | Kind::Dashed => LegendShape::Line,
+        Kind::LinePoints | Kind::Points | Kind::Steps => LegendShape::Marker(shape(series.style.marker)),
         Kind::Bars { .. } | Kind::Cells { .. } | Kind::Band => LegendShape::Rect,
     };
     let dasharray = (series.kind == Kind::Dashed).then(|| "6 4".to_owned());

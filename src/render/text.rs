@@ -37,6 +37,11 @@ pub fn digits(value: f64, digits: usize) -> String {
     format!("{value:.decimals$}")
 }
 
+/// `1 posture`, `2 postures`.
+pub fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
 /// A power of ten as people write it, such as 10⁻³.
 pub fn power_of_ten(exponent: i64) -> String {
     let raised = |c: char| match c {

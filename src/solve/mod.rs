@@ -13,6 +13,7 @@ pub mod levenberg;
 pub mod limbwise;
 pub mod map;
 pub mod minimal;
+pub mod objective;
 pub mod radius;
 pub mod reduced;
 pub mod registry;
@@ -22,4 +23,5 @@ pub mod split;
 pub mod textbook;
 
 pub use identifier::{Identifier, SettingError, Stop};
+pub use objective::Objective;
 pub use report::{ActiveBound, Criterion, Estimate, Failure, Iterate, Outcome, Report, WeightPoint};

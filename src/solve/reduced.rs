@@ -5,37 +5,37 @@ use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
 use faer::Mat;
 use std::ops::Range;
 
-/// `z` stands for `x = origin + B z`, `B` an orthonormal basis of what is not redundant at the start.
-///
-/// `origin` is orthogonal to `B`, so that `|x|` and `|z|` differ by a constant and a prior means the same.
+/// `z` stands for `x = B z`, `B` an orthonormal basis of what is not redundant at nominal: `|x| = |z|`, so that a
+/// prior means the same.
 pub struct Reduced<'p> {
     inner: &'p dyn Problem,
     basis: Mat<f64>,
-    origin: Vec<f64>,
     params: Vec<Param>,
 }
 
 impl<'p> Reduced<'p> {
-    /// `inner` without what is redundant at `start`, and the coordinates of `start`; `None` where nothing is.
-    pub fn at(inner: &'p dyn Problem, start: &[f64]) -> Option<(Self, Vec<f64>)> {
-        let redundant = inner.redundant(start);
+    /// `inner` without what is redundant at nominal; `None` where nothing is.
+    pub fn new(inner: &'p dyn Problem) -> Option<Self> {
+        let redundant = inner.redundant(&vec![0.0; inner.params().len()]);
         if redundant.ncols() == 0 {
             return None;
         }
         let basis = linalg::complement(redundant.as_ref())?;
-        let z = linalg::mul_transpose(basis.as_ref(), start);
-        let along = linalg::mul(basis.as_ref(), &z);
-        let origin = start.iter().zip(along).map(|(x, along)| x - along).collect();
         let unlimited = (f64::NEG_INFINITY, f64::INFINITY);
         let name = |k: usize| format!("combination {}", k + 1);
         let param = |k: usize| Param { name: name(k), unit: "", scale: 1.0, bounds: unlimited };
         let params = (0..basis.ncols()).map(param).collect();
-        Some((Self { inner, basis, origin, params }, z))
+        Some(Self { inner, basis, params })
+    }
+
+    /// The coordinates of `x`; what it has along the redundancy is left out.
+    pub fn coordinates(&self, x: &[f64]) -> Vec<f64> {
+        linalg::mul_transpose(self.basis.as_ref(), x)
     }
 
     /// The coordinates of the whole problem at `z`.
     pub fn point(&self, z: &[f64]) -> Vec<f64> {
-        linalg::mul(self.basis.as_ref(), z).iter().zip(&self.origin).map(|(along, x)| x + along).collect()
+        linalg::mul(self.basis.as_ref(), z)
     }
 }
 

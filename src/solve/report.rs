@@ -1,5 +1,7 @@
 //! What an identifier hands back: the point, why it stopped, and the way there.
 
+use super::objective::Objective;
+
 /// Why an identifier calls its point a solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Criterion {
@@ -152,6 +154,8 @@ pub struct Report {
     pub active: Vec<ActiveBound>,
     /// KKT residual of the nonlinear problem at `x`, for constrained identifiers.
     pub kkt: Option<f64>,
+    /// What was minimised, where an identifier can be told to minimise different things.
+    pub objective: Option<Objective>,
     /// The curve from which a weight was chosen, empty where none was.
     pub weights: Vec<WeightPoint>,
 }
@@ -168,6 +172,7 @@ impl Report {
             estimate,
             active: Vec::new(),
             kkt: None,
+            objective: None,
             weights: Vec::new(),
         }
     }

@@ -1,13 +1,15 @@
 //! Cost and step of each iteration.
 
+use super::weight;
 use crate::files::ResultFile;
 use crate::render::{Axis, Figure, Kind, Part, Section, Series, Style};
 
-/// Two figures, or a sentence where nothing was iterated.
+/// Two figures, or a sentence where nothing was iterated; a third where a weight was chosen.
 pub(super) fn section(result: &ResultFile) -> Section {
     let section = Section::new("Convergence");
     if result.trace.is_empty() {
-        return section.with(Part::Text("No iteration was accepted.".into()));
+        let section = section.with(Part::Text("No iteration was accepted.".into()));
+        return with_weight(section, result);
     }
     let figure = |id: &str, title: &str, label: &str, style: usize, of: &dyn Fn(usize) -> f64| {
         let points: Vec<(f64, f64)> = (0..result.trace.len()).map(|k| ((k + 1) as f64, of(k))).collect();
@@ -24,9 +26,17 @@ pub(super) fn section(result: &ResultFile) -> Section {
     let step = figure("step", "Length of each step", "step / identifier's coordinates", 1, &|k| {
         result.trace[k].step
     });
-    section
+    let section = section
         .with(Part::Figure(cost.captioned(
             "Half the sum of squared whitened residuals, with whatever the identifier penalises.",
         )))
-        .with(Part::Figure(step.captioned("In the identifier's own coordinates: tolerances, for most.")))
+        .with(Part::Figure(step.captioned("In the identifier's own coordinates: tolerances, for most.")));
+    with_weight(section, result)
+}
+
+fn with_weight(section: Section, result: &ResultFile) -> Section {
+    match weight::figure(result) {
+        Some(figure) => section.with(Part::Figure(figure)),
+        None => section,
+    }
 }

@@ -3,11 +3,13 @@
 mod convergence;
 mod deviations;
 mod directions;
+mod errors;
 mod machine;
 mod overview;
 mod poses;
 mod scale;
 mod study;
+mod weight;
 mod workspace;
 
 use super::dispatch::Ending;

@@ -1,23 +1,28 @@
 //! What came out, in one paragraph and two tables.
 
+use super::errors::{self, measured};
 use super::study::Study;
+use crate::cli::wording::counted;
 use crate::files::ResultFile;
-use crate::files::summary::PoseErrors;
 use crate::render::text::digits;
 use crate::render::{Cell, Part, Section, Table};
 
 /// The first paragraph of the page.
 pub(super) fn intro(result: &ResultFile) -> String {
     let outcome = if result.converged { "" } else { "The identifier did not converge. " };
-    let mut text = format!("{outcome}Stopped after {} iterations: {}.", result.iterations, result.reason);
-    let change = result.holdout.or(result.fit).map(|fit| (fit.before.position_rms, fit.after.position_rms));
-    if let Some((Some(before), Some(after))) = change {
-        let which = if result.holdout.is_some() { "on poses that took no part" } else { "on the poses used" };
+    let mut text =
+        format!("{outcome}Stopped after {}: {}.", counted(result.iterations, "iteration"), result.reason);
+    let which =
+        if result.holdout.is_some() { "on readings that took no part" } else { "on the readings used" };
+    if let (Some(first), Some(fit)) = (measured(result).first(), result.holdout.or(result.fit))
+        && let (Some(before), Some(after)) = (first.rms(&fit.before), first.rms(&fit.after))
+    {
         text.push_str(&format!(
-            " The position error {which} went from {} to {} {} (root mean square).",
+            " The {} error {which} went from {} to {} {} (root mean square).",
+            first.name,
             digits(before, 3),
             digits(after, 3),
-            result.units.length_symbol()
+            first.unit(result.units)
         ));
     }
     text
@@ -25,8 +30,9 @@ pub(super) fn intro(result: &ResultFile) -> String {
 
 /// Tables of the outcome and of the errors, and what deserves attention.
 pub(super) fn section(result: &ResultFile, study: &Result<Study, String>) -> Section {
-    let mut section =
-        Section::new("Summary").with(Part::Table(errors(result))).with(Part::Table(outcome(result, study)));
+    let mut section = Section::new("Summary")
+        .with(Part::Table(errors::table(result)))
+        .with(Part::Table(outcome(result, study)));
     if matches!(study, Ok(study) if !study.reproduced) {
         section.parts.push(Part::Text(
             "Attention: the problem file no longer gives the errors that the result states. It has changed since; \
@@ -69,33 +75,6 @@ fn outcome(result: &ResultFile, study: &Result<Study, String>) -> Table {
     }
     for bound in &result.active_bounds {
         row("active bound", format!("{} at {} tolerances", bound.name, digits(bound.limit, 3)));
-    }
-    table
-}
-
-fn errors(result: &ResultFile) -> Table {
-    let (length, angle) = (result.units.length_symbol(), result.units.angle_symbol());
-    let columns = [
-        "poses".to_owned(),
-        "machine".into(),
-        format!("#position rms / {length}"),
-        format!("#position max / {length}"),
-        format!("#rotation rms / {angle}"),
-        format!("#rotation max / {angle}"),
-        "#in noise".into(),
-    ];
-    let mut table = Table::new("errors", "Prediction errors.", &columns.each_ref().map(String::as_str))
-        .captioned("Predicted against measured poses; in noise is the root mean square in stated standard deviations.");
-    let shown = |v: Option<f64>| v.map_or_else(Cell::none, |v| Cell::number(v, 4));
-    let mut row = |poses: &str, machine: &str, e: PoseErrors| {
-        let numbers = [e.position_rms, e.position_max, e.rotation_rms, e.rotation_max, e.weighted_rms];
-        table.push([Cell::text(poses), Cell::text(machine)].into_iter().chain(numbers.map(shown)).collect());
-    };
-    for (poses, fit) in [("used", result.fit), ("held out", result.holdout)] {
-        if let Some(fit) = fit {
-            row(poses, "as drawn", fit.before);
-            row(poses, "identified", fit.after);
-        }
     }
     table
 }

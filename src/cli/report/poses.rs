@@ -1,10 +1,11 @@
 //! Residuals before and after: by pose, by component, against the noise.
 
-use super::scale::{Scale, median};
+use super::scale::Scale;
 use super::study::Study;
 use crate::files::ResultFile;
 use crate::identify::residuals::Residual;
 use crate::render::{Axis, Cell, Figure, Kind, Part, ReferenceLine, Section, Series, Style, Table};
+use crate::statistics::median;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// An error that samples have, of one kind of measurement.
@@ -45,7 +46,7 @@ pub(super) fn section(result: &ResultFile, study: &Study) -> Section {
     let scaled: Vec<(Measured, Scale)> = measured
         .into_iter()
         .map(|m| {
-            let middle = median(after.iter().filter_map(|r| (m.of)(r)));
+            let middle = median(after.iter().filter_map(|r| (m.of)(r))).unwrap_or(0.0);
             let scale = if m.angular { Scale::angle(middle, result.units) } else { Scale::length(middle) };
             (m, scale)
         })

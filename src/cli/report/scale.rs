@@ -38,13 +38,6 @@ impl Scale {
     }
 }
 
-/// The median of what is finite; 0 where nothing is.
-pub(super) fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -56,6 +49,5 @@ mod tests {
         let degrees = Units { angle: AngleUnit::Degree, ..Units::SI };
         assert!((Scale::angle(1e-4, degrees).of(std::f64::consts::PI) - 648_000.0).abs() < 1e-9);
         assert_eq!(Scale::angle(0.1, degrees).symbol, "deg");
-        assert_eq!(median([3.0, f64::NAN, 1.0, 2.0].into_iter()), 2.0);
     }
 }

@@ -1,12 +1,13 @@
 //! Uncertainty of predicted poses over the workspace.
 
-use super::scale::{Scale, median};
+use super::scale::Scale;
 use super::study::Study;
 use crate::files::ResultFile;
 use crate::identify::spread::{PoseSpread, pose_spreads};
 use crate::render::text::digits;
 use crate::render::{Axis, Figure, Kind, Marker, Part, Section, Series, Shape, Style};
 use crate::simulate::draw_postures;
+use crate::statistics::median;
 
 /// Postures drawn.
 const POSTURES: usize = 400;
@@ -34,16 +35,17 @@ pub(super) fn section(result: &ResultFile, study: &Study) -> Section {
         Ok(_) => return section.with(Part::Text("No posture closes from home.".into())),
         Err(why) => return section.with(Part::Text(format!("The uncertainty cannot be evaluated: {why}."))),
     };
-    let length = Scale::length(median(spreads.iter().map(|s| s.position)));
-    let angle = Scale::angle(median(spreads.iter().map(|s| s.rotation)), result.units);
+    let middle = |of: &dyn Fn(&PoseSpread) -> f64| median(spreads.iter().map(of)).unwrap_or(0.0);
+    let (position, rotation) = (middle(&|s| s.position), middle(&|s| s.rotation));
+    let (length, angle) = (Scale::length(position), Scale::angle(rotation, result.units));
     let worst = |of: &dyn Fn(&PoseSpread) -> f64| spreads.iter().map(of).fold(0.0, f64::max);
     let text = format!(
         "How far predictions of the identified machine may be off, by what the data left open: root mean square \
          displacement of the tool point and angle, at {which}. Median {} {} and {} {}, at worst {} {} and {} {}. \
          Errors that the model does not have are not in it.",
-        digits(length.of(median(spreads.iter().map(|s| s.position))), 3),
+        digits(length.of(position), 3),
         length.symbol,
-        digits(angle.of(median(spreads.iter().map(|s| s.rotation))), 3),
+        digits(angle.of(rotation), 3),
         angle.symbol,
         digits(length.of(worst(&|s| s.position)), 3),
         length.symbol,

@@ -5,6 +5,7 @@ use super::least_squares::pose_squares;
 use super::loss::{Frame, Loss};
 use super::program::{Owner, Program};
 use crate::linalg;
+use crate::statistics::median;
 
 /// `r^2 / 2` for `|r| <= delta`, `delta (|r| - delta / 2)` beyond (Huber 1964).
 #[derive(Clone, Copy, Debug)]
@@ -38,9 +39,7 @@ impl Loss for Huber {
 
     /// Far from the solution every row would be an outlier: the threshold follows the median until it is reached.
     fn at_scale(&self, r: &[f64]) -> Box<dyn Loss> {
-        let mut sizes: Vec<f64> = r.iter().map(|v| v.abs()).collect();
-        sizes.sort_unstable_by(f64::total_cmp);
-        let spread = NORMAL_MEDIAN * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+        let spread = NORMAL_MEDIAN * median(r.iter().map(|v| v.abs())).unwrap_or(0.0);
         // Twice the spread of clean data is no reason to relax.
         Box::new(Huber { delta: if spread > 2.0 { self.delta * spread } else { self.delta } })
     }

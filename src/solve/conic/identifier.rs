@@ -10,6 +10,7 @@ use super::weight::{self, WeightRule};
 use crate::problem::{Form, Problem};
 use crate::solve::anchored::settle;
 use crate::solve::identifier::{Identifier, SettingError, Stop};
+use crate::solve::objective::Objective;
 use crate::solve::reduced::Reduced;
 use crate::solve::report::{Estimate, Failure, Report};
 use crate::solve::settings;
@@ -94,6 +95,22 @@ impl Conic {
         }
     }
 
+    /// What is minimised with this weight in force.
+    fn objective(&self, weight: f64) -> Objective {
+        let Options { loss, delta, regulariser, bounds, cone, .. } = self.options;
+        let on = |of: Regulariser| if regulariser == of { weight } else { 0.0 };
+        Objective {
+            loss,
+            delta,
+            ridge: on(Regulariser::Ridge),
+            lasso: on(Regulariser::Lasso),
+            group: on(Regulariser::GroupLasso),
+            threshold: (regulariser == Regulariser::None).then_some(THRESHOLD),
+            bounds,
+            cone,
+        }
+    }
+
     fn unsuited(&self, problem: &dyn Problem) -> Option<&'static str> {
         let grouped =
             self.options.cone < f64::INFINITY || self.options.regulariser == Regulariser::GroupLasso;
@@ -173,7 +190,8 @@ impl Identifier for Conic {
     }
 
     fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
-        let report = Report::new(self.name, start, Estimate::Other);
+        let report =
+            Report { objective: Some(self.objective(0.0)), ..Report::new(self.name, start, Estimate::Other) };
         if let Some(why) = self.unsuited(problem) {
             return report.fail(Failure::Unsuited(why.into()));
         }
@@ -187,9 +205,9 @@ impl Identifier for Conic {
         if self.options.regulariser == Regulariser::None {
             // The redundancy serves limits and sparse penalties; without them it only makes programs larger.
             if limits.none()
-                && let Some((reduced, from)) = Reduced::at(problem, start)
+                && let Some(reduced) = Reduced::new(problem)
             {
-                let mut report = self.identify(&reduced, &from, stop);
+                let mut report = self.identify(&reduced, &reduced.coordinates(start), stop);
                 report.x = reduced.point(&report.x);
                 return report;
             }
@@ -213,6 +231,7 @@ impl Identifier for Conic {
         };
         descent.penalty = self.penalty(weight, problem.has_prior());
         report.estimate = self.estimate(problem, &limits, weight);
+        report.objective = Some(self.objective(weight));
         let from = report.x.clone();
         descent.run(&from, report)
     }

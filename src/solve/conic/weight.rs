@@ -64,11 +64,17 @@ pub fn choose<'a>(
         curve.push(WeightPoint { weight, score: score / m as f64 });
     }
     curve.reverse();
-    let best = match rule {
+    best(rule, &curve).ok_or_else(|| "no weight was tried".into()).map(|weight| (weight, curve))
+}
+
+/// The weight that `rule` chooses from a curve of ascending weights; `None` of an empty one.
+pub fn best(rule: WeightRule, curve: &[WeightPoint]) -> Option<f64> {
+    let point = match rule {
+        WeightRule::Given(weight) => return Some(weight),
         WeightRule::CrossValidation => curve.iter().min_by(|a, b| a.score.total_cmp(&b.score)),
-        _ => curve.iter().rev().find(|point| point.score <= 1.0).or(curve.first()),
+        WeightRule::Discrepancy => curve.iter().rev().find(|point| point.score <= 1.0).or(curve.first()),
     };
-    best.map(|point| point.weight).ok_or_else(|| "no weight was tried".into()).map(|weight| (weight, curve))
+    point.map(|point| point.weight)
 }
 
 /// The rows of every fold: whole blocks, consecutive ones together, in parts as equal as they come.

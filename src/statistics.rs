@@ -25,6 +25,11 @@ pub fn quantile(ascending: &[f64], p: f64) -> Option<f64> {
     Some(if part == 0.0 || below == above { below } else { below + part * (above - below) })
 }
 
+/// The median of the values in any order; those that are not numbers are left out. `None` of nothing.
+pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    middle(values).map(|middle| middle.median)
+}
+
 /// Median and quartiles of the values in any order; those that are not numbers are left out. `None` of nothing.
 pub fn middle(values: impl IntoIterator<Item = f64>) -> Option<Middle> {
     let mut values: Vec<f64> = values.into_iter().filter(|v| !v.is_nan()).collect();

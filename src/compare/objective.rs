@@ -1,0 +1,172 @@
+//! Constrained, sparse and robust estimates, held against what their identifiers say that they minimise.
+
+use crate::calibration::{Calibration, Sample};
+use crate::identify::Identification;
+use crate::linalg;
+use crate::model::{Geometry, Mechanism};
+use crate::problem::{Form, Group, Problem};
+use crate::solve::Objective;
+use crate::solve::conic::loss::{Loss, loss};
+use crate::solve::split::prior_weight;
+use faer::Mat;
+
+/// Size, in tolerances, up to which a coordinate is zero or at its limit.
+const TOUCHES: f64 = 1e-7;
+
+/// A machine as an objective sees it: residuals of data and prior, and limits.
+struct Seen {
+    x: Vec<f64>,
+    r: Vec<f64>,
+    jac: Mat<f64>,
+    /// Limit of every coordinate.
+    limits: Vec<(f64, f64)>,
+    groups: Vec<Group>,
+}
+
+/// What an objective says of a result.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judged {
+    /// Its value at the result.
+    pub value: f64,
+    /// The same at the machine that the result is compared with; `None` where limits exclude that.
+    pub reference: Option<f64>,
+    /// Distance from a stationary point (docs/theory.md (13.5)); `None` for a loss without a derivative.
+    pub offset: Option<f64>,
+}
+
+/// Judges a result by its objective, against the links of `reference`; `None` where the identifier states no objective
+/// or a sample does not close.
+pub fn judged(found: &Identification, samples: &[Sample], reference: &Geometry) -> Option<Judged> {
+    let objective = found.report.objective.as_ref()?;
+    let here = Seen::at(&found.start, &found.geometry, samples, objective)?;
+    // Far from the noise Huber's threshold follows the residual; the reference is judged by the same one.
+    let loss = loss(objective.loss, objective.delta)?.at_scale(&here.r);
+    let there = Seen::at(&found.start, reference, samples, objective)?;
+    let possible = there.violation(objective) <= TOUCHES;
+    let offset = loss.smooth().then(|| here.offset(objective, loss.as_ref())).flatten();
+    Some(Judged {
+        value: here.value(objective, loss.as_ref()),
+        reference: possible.then(|| there.value(objective, loss.as_ref())),
+        offset,
+    })
+}
+
+impl Seen {
+    fn at(start: &Mechanism, geometry: &Geometry, samples: &[Sample], objective: &Objective) -> Option<Self> {
+        let at = geometry.deviations_from(&start.nominal());
+        let of = |form| Calibration::new(start, samples, form, &at);
+        let complete = of(Form::Complete);
+        let limited = complete.params().iter().any(|param| param.bounds.0.max(-param.bounds.1).is_finite());
+        // Only where equivalent descriptions cost the same the redundancy can be left out.
+        let bound = limited || objective.bounds < f64::INFINITY || objective.penalises_links();
+        let problem = if bound { complete } else { of(Form::Minimal) };
+        if !problem.set_aside().is_empty() {
+            return None;
+        }
+        let x = problem.coordinates().nearest(&at);
+        let mut lin = problem.linearize(&x).ok()?;
+        if let Some(threshold) = objective.threshold {
+            let svd = linalg::svd(lin.jac.as_ref())?;
+            let root = |k: usize| prior_weight(svd.s.get(k).copied().unwrap_or(0.0) / threshold).sqrt();
+            let rows = Mat::from_fn(x.len(), x.len(), |k, j| root(k) * svd.v[(j, k)]);
+            lin.r.extend(linalg::mul(rows.as_ref(), &x));
+            lin.jac = faer::concat![[lin.jac], [rows]];
+        }
+        let limit = |bounds: (f64, f64)| (bounds.0.max(-objective.bounds), bounds.1.min(objective.bounds));
+        let limits = problem.params().iter().map(|param| limit(param.bounds)).collect();
+        Some(Self { x, r: lin.r, jac: lin.jac, limits, groups: problem.groups().to_vec() })
+    }
+
+    fn value(&self, objective: &Objective, loss: &dyn Loss) -> f64 {
+        let squares: f64 = self.x.iter().map(|x| x * x).sum();
+        let sizes: f64 = self.x.iter().map(|x| x.abs()).sum();
+        let lengths: f64 = self.groups.iter().map(|group| group.length(&self.x)).sum();
+        loss.merit(&self.r)
+            + 0.5 * objective.ridge * squares
+            + objective.lasso * sizes
+            + objective.group * lengths
+    }
+
+    /// Largest distance by which a limit is overstepped, tolerances.
+    fn violation(&self, objective: &Objective) -> f64 {
+        let beyond = self.x.iter().zip(&self.limits).map(|(x, (low, high))| (low - x).max(x - high));
+        let far = self.groups.iter().map(|group| group.length(&self.x) - objective.cone);
+        beyond.chain(far).fold(0.0, f64::max)
+    }
+
+    /// (13.5): the Gauss-Newton step on the face of the limits and of the zeros that the point lies on, no longer than
+    /// tolerances allow, in units of its uncertainty.
+    fn offset(&self, objective: &Objective, loss: &dyn Loss) -> Option<f64> {
+        let influence = loss.influence(&self.r);
+        let mut g = linalg::mul_transpose(self.jac.as_ref(), &influence);
+        g.iter_mut().zip(&self.x).for_each(|(g, x)| *g += objective.ridge * x);
+        let mut free = vec![true; g.len()];
+        self.penalise(objective, &mut g, &mut free);
+        for (i, (low, high)) in self.limits.iter().enumerate() {
+            let (x, pull) = (self.x[i], g[i]);
+            if (x >= high - TOUCHES && pull <= 0.0) || (x <= low + TOUCHES && pull >= 0.0) {
+                free[i] = false;
+            }
+        }
+        self.hold_cones(objective, &mut g, &free);
+        // Rows on the linear part of the loss have no curvature.
+        let curved: Vec<usize> = (0..self.r.len()).filter(|&i| influence[i] == self.r[i]).collect();
+        let kept: Vec<usize> = (0..g.len()).filter(|&i| free[i]).collect();
+        if kept.is_empty() {
+            return Some(0.0);
+        }
+        let face = Mat::from_fn(curved.len(), kept.len(), |i, j| self.jac[(curved[i], kept[j])]);
+        let svd = linalg::svd(face.as_ref())?;
+        let along = linalg::mul_transpose(svd.v.as_ref(), &kept.iter().map(|&i| g[i]).collect::<Vec<f64>>());
+        let curvature = |k: usize| svd.s.get(k).map_or(0.0, |s| s * s) + objective.ridge;
+        let decrement: f64 = along.iter().enumerate().map(|(k, g)| g * g / curvature(k).max(1.0)).sum();
+        let known = (0..along.len()).filter(|&k| curvature(k) > 1.0).count().max(1) as f64;
+        let square: f64 = influence.iter().map(|v| v * v).sum();
+        let variance = square / (curved.len() as f64 - known).max(1.0);
+        let offset = (decrement / known / variance.max(1.0)).sqrt();
+        // Whatever oversteps a limit is no solution.
+        let possible = self.violation(objective) <= TOUCHES;
+        offset.is_finite().then_some(if possible { offset } else { f64::MAX })
+    }
+
+    /// Adds to the gradient the subgradients of least size of the sparse penalties; what they hold at zero is not free.
+    fn penalise(&self, objective: &Objective, g: &mut [f64], free: &mut [bool]) {
+        if objective.lasso > 0.0 {
+            for i in 0..g.len() {
+                if self.x[i].abs() > TOUCHES {
+                    g[i] += objective.lasso.copysign(self.x[i]);
+                } else {
+                    let beyond = (g[i].abs() - objective.lasso).max(0.0);
+                    (g[i], free[i]) = (beyond.copysign(g[i]), beyond > 0.0);
+                }
+            }
+        }
+        if objective.group > 0.0 {
+            for group in &self.groups {
+                let size = group.length(&self.x);
+                let pull = group.length(g);
+                let held = size <= TOUCHES && pull <= objective.group;
+                for &i in &group.members {
+                    g[i] = match size > TOUCHES {
+                        true => g[i] + objective.group * self.x[i] / size,
+                        false if held => 0.0,
+                        false => g[i] * (1.0 - objective.group / pull),
+                    };
+                    free[i] &= !held;
+                }
+            }
+        }
+    }
+
+    /// Takes from the gradient what the cones carry that the point lies on.
+    fn hold_cones(&self, objective: &Objective, g: &mut [f64], free: &[bool]) {
+        for group in self.groups.iter().filter(|group| group.length(&self.x) >= objective.cone - TOUCHES) {
+            let members = || group.members.iter().copied().filter(|&i| free[i]);
+            let square: f64 = members().map(|i| self.x[i] * self.x[i]).sum();
+            let along: f64 = members().map(|i| self.x[i] * g[i]).sum();
+            if square > 0.0 && along < 0.0 {
+                members().for_each(|i| g[i] -= along / square * self.x[i]);
+            }
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! Constrained, sparse and robust results, checked against what they minimise: written out here once more, and
+//! compared with other machines nearby.
+
+use gough::calibration::{Calibration, Coordinates, Sample};
+use gough::compare::objective::judged;
+use gough::files::{DataPlaces, ProblemFile, read_problem};
+use gough::identify::{Identification, identify};
+use gough::problem::{Form, Problem};
+use gough::solve::{Stop, registry};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+fn problem(path: &str) -> ProblemFile {
+    let places = DataPlaces { data_dir: None, shared: "no such folder".into() };
+    read_problem(path.as_ref(), &places).unwrap()
+}
+
+fn puma() -> ProblemFile {
+    problem("problems/serial-puma560.json")
+}
+
+fn found(problem: &ProblemFile, name: &str, settings: &[(&str, &str)]) -> Identification {
+    let mut identifier = registry::find(name).unwrap();
+    settings.iter().for_each(|(key, value)| identifier.set(key, value).unwrap());
+    let found =
+        identify(&problem.mechanism, &problem.data.samples, identifier.as_ref(), &Stop::default()).unwrap();
+    assert!(found.report.outcome.converged(), "{name}: {}", found.report.outcome);
+    found
+}
+
+/// Deviations in tolerances.
+fn point(of: &Identification) -> Vec<f64> {
+    let at = of.geometry.deviations_from(&of.start.nominal());
+    Coordinates::new(&of.start, Form::Complete).nearest(&at)
+}
+
+/// The same result with other deviations.
+fn moved(of: &Identification, x: &[f64]) -> Identification {
+    let d = Coordinates::new(&of.start, Form::Complete).deviations(x);
+    Identification { geometry: of.start.deviated(&d), ..of.clone() }
+}
+
+fn residual(of: &Identification, samples: &[Sample], x: &[f64]) -> Vec<f64> {
+    let at = of.geometry.deviations_from(&of.start.nominal());
+    Calibration::new(&of.start, samples, Form::Complete, &at).residual(x).unwrap()
+}
+
+#[test]
+fn sparse_objectives_are_what_they_say_and_least_at_the_result() {
+    for (name, group, weight, path) in [
+        ("conic-lasso", 1, 1.0, "problems/serial-puma560.json"),
+        ("conic-group-lasso", 6, 300.0, "problems/stress/serial-kuka-lbr-sparse.json"),
+    ] {
+        let problem = problem(path);
+        let samples = &problem.data.samples;
+        let result = found(&problem, name, &[("weight", &weight.to_string())]);
+        let value = |x: &[f64]| {
+            let squares: f64 = residual(&result, samples, x).iter().map(|r| r * r).sum();
+            let lengths = x.chunks(group).map(|part| part.iter().map(|v| v * v).sum::<f64>().sqrt());
+            0.5 * squares + weight * lengths.sum::<f64>()
+        };
+        let x = point(&result);
+        let zeros = x.iter().filter(|v| v.abs() < 1e-9).count();
+        assert!(zeros >= 6, "{name}: {zeros}");
+        let here = judged(&result, samples, &result.start.nominal()).unwrap();
+        assert!((here.value / value(&x) - 1.0).abs() < 1e-12);
+        assert!((here.reference.unwrap() / value(&vec![0.0; x.len()]) - 1.0).abs() < 1e-12);
+        assert!(here.offset.unwrap() < 1e-4, "{name}: {here:?}");
+        // No machine nearby costs less, wherever one steps.
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        for size in [1e-3, 1e-1] {
+            for _ in 0..40 {
+                let there: Vec<f64> = x.iter().map(|x| x + size * rng.random_range(-1.0..1.0)).collect();
+                assert!(value(&there) > here.value, "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_not_a_solution_is_told() {
+    let problem = puma();
+    let samples = &problem.data.samples;
+    for (name, settings) in [
+        ("conic-lasso", &[][..]),
+        ("conic-group-lasso", &[]),
+        ("conic-huber", &[]),
+        ("conic-bounded", &[("bounds", "0.8")]),
+        ("conic-bounded", &[("cone", "1.5")]),
+        ("conic-huber", &[("bounds", "2.5"), ("delta", "3")]),
+    ] {
+        let result = found(&problem, name, settings);
+        let truth = problem.truth.as_ref().unwrap().nominal();
+        let here = judged(&result, samples, &truth).unwrap();
+        let limited = settings.iter().any(|(key, _)| *key != "delta");
+        // The weights of the prior are those of the round before.
+        assert!(here.offset.unwrap() < 1e-2, "{name} {settings:?}: {here:?}");
+        match here.reference {
+            Some(reference) => assert!(here.value <= reference, "{name} {settings:?}: {here:?}"),
+            None => assert!(limited, "{name} {settings:?}"),
+        }
+        let x = point(&result);
+        // Shrunk by a tenth, which no limit forbids: a stationary point no more.
+        let shrunk: Vec<f64> = x.iter().map(|x| 0.9 * x).collect();
+        let there = judged(&moved(&result, &shrunk), samples, &truth).unwrap();
+        assert!(there.offset.unwrap() > 0.1 && there.value > here.value, "{name} {settings:?}: {there:?}");
+        // Grown by a tenth, limits are overstepped.
+        let grown: Vec<f64> = x.iter().map(|x| 1.1 * x).collect();
+        let there = judged(&moved(&result, &grown), samples, &truth).unwrap();
+        assert!(there.offset.unwrap() > 0.1, "{name} {settings:?}: {there:?}");
+    }
+}
+
+/// Least squares on the data alone is no stationary point of a sparse objective, and the other way round.
+#[test]
+fn results_are_held_to_their_own_objective() {
+    let problem = puma();
+    let samples = &problem.data.samples;
+    let (sparse, bounded) = (found(&problem, "conic-lasso", &[]), found(&problem, "conic-bounded", &[]));
+    let crossed = |objective: &Identification, geometry: &Identification| {
+        let mut crossed = objective.clone();
+        crossed.geometry = geometry.geometry.clone();
+        judged(&crossed, samples, &crossed.start.nominal()).unwrap().offset.unwrap()
+    };
+    assert!(crossed(&sparse, &bounded) > 0.1);
+    assert!(crossed(&sparse, &sparse) < 1e-4);
+    // A minimax result is judged by its value alone: the loss has no derivative there.
+    let mut minimax = registry::find("conic-minimax").unwrap();
+    minimax.set("bounds", "none").unwrap();
+    let result = identify(&problem.mechanism, samples, minimax.as_ref(), &Stop::default()).unwrap();
+    let truth = problem.truth.as_ref().unwrap().nominal();
+    let here = judged(&result, samples, &truth).unwrap();
+    assert_eq!(here.offset, None);
+    assert!(here.value < here.reference.unwrap(), "{here:?}");
+}
