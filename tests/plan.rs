@@ -36,7 +36,7 @@ fn sample(actuators: &[f64], pose: Se3, covariance: &Matrix6<f64>) -> Sample {
 }
 
 fn whole(problem: &ProblemFile) -> Instrument {
-    Instrument { seen: [true; 6], covariance: problem.data.noise.unwrap() }
+    Instrument::of_poses([true; 6], &problem.data.noise.unwrap()).unwrap()
 }
 
 /// `log det(I + J'J)` and the information of each posture, from the Jacobian itself.

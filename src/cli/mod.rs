@@ -2,6 +2,7 @@
 
 pub mod analysis;
 pub mod analyze;
+mod at;
 pub mod check;
 pub mod command;
 pub mod compare;

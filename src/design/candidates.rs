@@ -1,5 +1,6 @@
 //! Candidate postures: within the drawn ranges, loops closed, away from singularities.
 
+use super::information::ROWS;
 use crate::lie::Se3;
 use crate::model::{Mechanism, NotClosed, Posture};
 use crate::simulate::{actuator_ranges, close};
@@ -74,7 +75,7 @@ pub enum DesignError {
         /// One of them.
         name: String,
         /// Why it is unfit.
-        why: Unfit,
+        why: String,
     },
     /// Fewer candidates than postures wanted.
     #[error(
@@ -92,6 +93,15 @@ pub enum DesignError {
     #[error("{found} candidates are too many: the limit is {MOST}; take a coarser grid or random postures")]
     TooMany {
         /// Candidates offered.
+        found: usize,
+    },
+    /// More readings of one posture than are held of a candidate.
+    #[error(
+        "{found} readings of one posture are more than a plan can weigh ({ROWS}); name the sensors that matter most in \
+         data.joints"
+    )]
+    TooManyReadings {
+        /// Readings of a posture.
         found: usize,
     },
     /// The linearisation failed.
@@ -179,17 +189,18 @@ impl Candidates {
         Ok(Self::admit(mechanism, postures.collect(), least))
     }
 
-    /// Refuses an empty workspace, and too few or too many candidates for `wanted` postures.
-    pub fn require(&self, wanted: usize) -> Result<(), DesignError> {
+    /// Refuses an empty workspace, and too few or too many candidates for `wanted` postures; `told` puts into words why a
+    /// posture is unfit.
+    pub fn require(&self, wanted: usize, told: &dyn Fn(&Unfit) -> String) -> Result<(), DesignError> {
         let found = self.fit.len();
         match self.unfit.first() {
             Some((name, why)) if found == 0 => {
                 let tried = self.unfit.len();
-                Err(DesignError::Empty { tried, name: name.clone(), why: why.clone() })
+                Err(DesignError::Empty { tried, name: name.clone(), why: told(why) })
             }
             first if found < wanted => {
                 let others = first.map_or_else(String::new, |(name, why)| {
-                    format!(" ({} others cannot; {name}: {why})", self.unfit.len())
+                    format!(" ({} others cannot; {name}: {})", self.unfit.len(), told(why))
                 });
                 Err(DesignError::TooFew { found, wanted, others })
             }

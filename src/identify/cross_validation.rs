@@ -119,6 +119,9 @@ pub(super) fn residual_without(
     samples: &[Sample],
     fold: &[usize],
 ) -> Option<(f64, usize)> {
+    if matches!(found.report.estimate, Estimate::Decoupled { .. }) {
+        return None;
+    }
     let geometry = Influence::new(found, samples).ok()?.without(fold)?;
     let rest = samples.iter().enumerate().filter(|(i, _)| !fold.contains(i));
     let pairs: Vec<(&Geometry, &Sample)> = rest.map(|(_, sample)| (&geometry, sample)).collect();
@@ -128,7 +131,7 @@ pub(super) fn residual_without(
 }
 
 /// What the estimate does where readings change.
-struct Influence<'a> {
+pub(super) struct Influence<'a> {
     found: &'a Identification,
     problem: Calibration<'a>,
     x: Vec<f64>,
@@ -137,9 +140,11 @@ struct Influence<'a> {
 }
 
 impl<'a> Influence<'a> {
-    fn new(found: &'a Identification, samples: &'a [Sample]) -> Result<Self, EvalError> {
-        if found.covariance.is_none() || matches!(found.report.estimate, Estimate::Decoupled { .. }) {
-            return Err(EvalError("the estimate is not linear in all readings at once".into()));
+    /// About the solution, with the prior's weights there. For an estimate of each limb by itself it is that of all limbs
+    /// together, which is near.
+    pub(super) fn new(found: &'a Identification, samples: &'a [Sample]) -> Result<Self, EvalError> {
+        if found.covariance.is_none() {
+            return Err(EvalError("linear theory does not describe the estimate".into()));
         }
         let at = found.geometry.deviations_from(&found.start.nominal());
         let problem = Calibration::new(&found.start, samples, Form::Minimal, &at);
@@ -163,7 +168,7 @@ impl<'a> Influence<'a> {
 
     /// The machine as the samples without those of `fold` would give it, the prior's weights unchanged; `None` where
     /// these leave too much open for that.
-    fn without(&self, fold: &[usize]) -> Option<Geometry> {
+    pub(super) fn without(&self, fold: &[usize]) -> Option<Geometry> {
         let (mut jac, mut r) = (Vec::new(), Vec::new());
         for &i in fold {
             let one = self.problem.only(i..i + 1).linearize(&self.x).ok()?;
