@@ -149,8 +149,13 @@ fn planned(
     name: &str,
     (actuators, second): (&[f64], &[f64]),
 ) -> Result<Sample, CliError> {
-    let measurement = read(mechanism, geometry, &*blank.measurement, actuators, second)
-        .map_err(|why| CliError::Posture { file: problem.file.clone(), sample: name.to_owned(), why: reason(&why, problem.units) })?;
+    let measurement = read(mechanism, geometry, &*blank.measurement, actuators, second).map_err(|why| {
+        CliError::Posture {
+            file: problem.file.clone(),
+            sample: name.to_owned(),
+            why: reason(&why, problem.units),
+        }
+    })?;
     Ok(Sample { name: name.to_owned(), actuators: actuators.to_vec(), measurement })
 }
 
@@ -159,9 +164,17 @@ fn planned_in_file(problem: &ProblemFile, machine: (&Mechanism, &Geometry)) -> R
     let mut samples = Vec::new();
     for set in problem.data.parts() {
         require_noise(problem, set)?;
-        for posture in &set.planned {
-            let Some(blank) = set.blanks.first() else { continue };
-            let at = (posture.actuators.as_slice(), posture.actuators.as_slice());
+        let Some(blank) = set.blanks.first() else { continue };
+        if set.kind == Kind::Separation && set.planned.len() == 1 {
+            return Err(CliError::Usage(format!(
+                "{}: {}: a separation compares two postures, and only one is planned",
+                problem.file, set.planned[0].name
+            )));
+        }
+        for (k, posture) in set.planned.iter().enumerate() {
+            // Planned separations compare each posture with the next.
+            let second = &set.planned[(k + 1) % set.planned.len()];
+            let at = (posture.actuators.as_slice(), second.actuators.as_slice());
             samples.push(planned(problem, machine, blank, &posture.name, at)?);
         }
     }

@@ -8,9 +8,10 @@ pub fn with_links_of(mut drawn: Mechanism, other: &Mechanism) -> Option<Mechanis
     let alike = other.limbs.len() == drawn.limbs.len()
         && other.limbs.iter().zip(&drawn.limbs).all(|(a, b)| {
             a.joints.len() == b.joints.len()
-                && a.joints.iter().zip(&b.joints).all(|(a, b)| {
-                    a.motion.is_angular() == b.motion.is_angular() && a.actuated == b.actuated
-                })
+                && a.joints
+                    .iter()
+                    .zip(&b.joints)
+                    .all(|(a, b)| a.motion.is_angular() == b.motion.is_angular() && a.actuated == b.actuated)
         });
     if !alike {
         return None;

@@ -11,8 +11,8 @@ use crate::design::{
     Candidates, Criterion, DesignError, Expected, Information, Instrument, Plan, Settings, Unfit, plan,
 };
 use crate::files::{
-    DataPlaces, DataSet, Kind, Model, Output, ProblemFile, SampleDrawing, Units, planned_text, read_actuators,
-    read_model, read_problem, readings,
+    DataPlaces, DataSet, Kind, Model, Output, ProblemFile, SampleDrawing, Units, planned_text,
+    read_actuators, read_model, read_problem, readings,
 };
 use crate::model::{Mechanism, Prior, mobility};
 use std::io;
@@ -95,17 +95,24 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         problem.require_samples()?;
     }
     let set = planned_set(&problem)?;
-    let instrument = Instrument { blanks: set.blanks.iter().map(|blank| blank.measurement.clone()).collect() };
+    let instrument =
+        Instrument { blanks: set.blanks.iter().map(|blank| blank.measurement.clone()).collect() };
     let design = |why| CliError::Design { file: problem.file.clone(), why };
     let told = |why: &Unfit| unfit(why, problem.units);
     let poses = args.poses as usize;
     let message = format!("choosing {poses} postures for {}", problem.name);
+    // A touch happens where the machine is led to the surface.
+    let contact = set.blanks.iter().any(|blank| blank.measurement.is_contact());
+    let led = |found: Candidates| match contact {
+        true => found.touching(mechanism, &instrument.blanks, args.regularity),
+        false => found,
+    };
     // Two postures are compared: there must be two.
     let least = if set.kind == Kind::Separation { 2 } else { 1 };
     let (candidates, workspace, left_out, plan) = with_spinner(message, || {
-        let candidates = candidates(args, &model)?;
+        let candidates = led(candidates(args, &model)?);
         candidates.require(poses.max(least), &told).map_err(design)?;
-        let workspace = workspace(args, &model)?;
+        let workspace = led(workspace(args, &model)?);
         workspace.require(least, &told).map_err(design)?;
         let measured: &[_] = if args.add_to_measured { &problem.data.samples } else { &[] };
         let info = Information::new(mechanism, &instrument, &candidates.fit, measured, &workspace.fit, poses)
@@ -146,7 +153,10 @@ fn machine(args: &Args, problem: &ProblemFile) -> Result<Mechanism, CliError> {
     let Some(path) = &args.at else { return Ok(drawn) };
     let result = read_model(path)?;
     with_links_of(drawn, &result.mechanism).ok_or_else(|| {
-        CliError::Usage(format!("--at {}: its machine has other limbs or joints than {}", result.file, problem.file))
+        CliError::Usage(format!(
+            "--at {}: its machine has other limbs or joints than {}",
+            result.file, problem.file
+        ))
     })
 }
 
@@ -158,12 +168,6 @@ fn planned_set(problem: &ProblemFile) -> Result<&DataSet, CliError> {
     };
     if set.noise.is_none() {
         return refused("data.noise is not stated: a plan needs to know it");
-    }
-    if set.blanks.iter().any(|blank| blank.measurement.is_contact()) {
-        return refused(
-            "touches happen where the machine is led to the plane, not at postures to choose among; plan for heights \
-             (samples with \"height\"), poses or distances",
-        );
     }
     let free = problem.mechanism.instrument.iter().find(|constant| constant.prior == Prior::Free);
     if let Some(constant) = free {

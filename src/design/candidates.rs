@@ -2,11 +2,13 @@
 
 use super::information::ROWS;
 use crate::lie::Se3;
+use crate::measure::Measurement;
 use crate::model::{Mechanism, NotClosed, Posture};
-use crate::simulate::{actuator_ranges, close};
+use crate::simulate::{actuator_ranges, close, touch};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Most candidates of a plan: their rows are held in memory.
 pub const MOST: usize = 20_000;
@@ -44,6 +46,9 @@ pub enum Unfit {
         /// Least ratio that is accepted.
         least: f64,
     },
+    /// The surface that it should touch is not reached from it.
+    #[error("the actuators' ranges do not lead from it to the plane")]
+    NoContact,
     /// A joint leaves the range of the drawing.
     #[error("{joint} leaves its range")]
     OutOfRange {
@@ -187,6 +192,38 @@ impl Candidates {
             (format!("grid posture {}", n + 1), values.collect())
         });
         Ok(Self::admit(mechanism, postures.collect(), least))
+    }
+
+    /// The postures led to where `blanks`, which they take in turn, touch their surfaces; the longest such list in which
+    /// none is missing.
+    pub fn touching(mut self, mechanism: &Mechanism, blanks: &[Arc<dyn Measurement>], least: f64) -> Self {
+        let nominal = mechanism.nominal();
+        let mut lists = Vec::with_capacity(blanks.len());
+        for (turn, blank) in blanks.iter().enumerate() {
+            let own: Vec<&Candidate> = self.fit.iter().skip(turn).step_by(blanks.len()).collect();
+            let led: Vec<Option<Vec<f64>>> = own
+                .par_iter()
+                .map(|c| touch(mechanism, &nominal, &**blank, c.actuators.clone(), 0.0))
+                .collect();
+            let mut postures = Vec::with_capacity(led.len());
+            for (candidate, led) in own.into_iter().zip(led) {
+                match led {
+                    Some(actuators) => postures.push((candidate.name.clone(), actuators)),
+                    None => self.unfit.push((candidate.name.clone(), Unfit::NoContact)),
+                }
+            }
+            let admitted = Self::admit(mechanism, postures, least);
+            self.unfit.extend(admitted.unfit);
+            lists.push(admitted.fit.into_iter());
+        }
+        self.fit = Vec::new();
+        while let Some(round) = lists.iter_mut().map(Iterator::next).collect::<Option<Vec<_>>>() {
+            if round.is_empty() {
+                break;
+            }
+            self.fit.extend(round);
+        }
+        self
     }
 
     /// Refuses an empty workspace, and too few or too many candidates for `wanted` postures; `told` puts into words why a

@@ -117,7 +117,8 @@ impl Criterion {
             }
             Criterion::A => {
                 let index = kept(info);
-                let root = Mat::from_fn(k, index.len(), |i, j| if index[j] == i { info.scale[i] } else { 0.0 });
+                let root =
+                    Mat::from_fn(k, index.len(), |i, j| if index[j] == i { info.scale[i] } else { 0.0 });
                 let value = index.iter().map(|&i| variance(info, covariance, i)).sum();
                 Some(WorstCase { value, mixture: value, root, mass: 1.0 })
             }

@@ -102,7 +102,8 @@ impl Information {
         let known = jacobian(mechanism, &measured, false)?;
         let seen = jacobian(mechanism, &instrument.samples(mechanism, workspace)?, true)?;
         let zero = vec![0.0; mechanism.component_count()];
-        let postures: Vec<(&[f64], Se3)> = workspace.iter().map(|c| (c.actuators.as_slice(), c.pose)).collect();
+        let postures: Vec<(&[f64], Se3)> =
+            workspace.iter().map(|c| (c.actuators.as_slice(), c.pose)).collect();
         let twists = twists_by_links(mechanism, &postures, Form::Minimal, &zero)
             .map_err(|why| DesignError::Evaluate(why.to_string()))?;
         let average = (poses as f64 / candidates.len().max(1) as f64).sqrt();

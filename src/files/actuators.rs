@@ -67,7 +67,11 @@ pub fn actuators_text(names: &[String], rows: &[Vec<f64>]) -> io::Result<Vec<u8>
 }
 
 /// Postures as CSV whose rows also name what is to be measured there: `named` has the headings of those columns.
-pub fn planned_text(names: &[String], named: &[&str], rows: &[(Vec<f64>, Vec<String>)]) -> io::Result<Vec<u8>> {
+pub fn planned_text(
+    names: &[String],
+    named: &[&str],
+    rows: &[(Vec<f64>, Vec<String>)],
+) -> io::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(names.iter().map(String::as_str).chain(named.iter().copied()))?;
     for row in rows {

@@ -100,8 +100,10 @@ fn tests(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample], out: &[
     let noise = excess.get(excess.len() / 2).map_or(1.0, |median| median.max(1.0));
     let mut tested: Vec<Tested> = squares
         .into_iter()
-        .map(|(sample, weighted_rms, law)| {
-            Tested { sample, weighted_rms, probability: law.sf(square(weighted_rms, &law) / noise) }
+        .map(|(sample, weighted_rms, law)| Tested {
+            sample,
+            weighted_rms,
+            probability: law.sf(square(weighted_rms, &law) / noise),
         })
         .collect();
     tested.sort_by(|a, b| {

@@ -34,7 +34,8 @@ pub fn pose_spreads(
             postures.push((actuators, posture));
         }
     }
-    let known: Vec<(&[f64], Se3)> = postures.iter().map(|(q, posture)| (q.as_slice(), posture.tool())).collect();
+    let known: Vec<(&[f64], Se3)> =
+        postures.iter().map(|(q, posture)| (q.as_slice(), posture.tool())).collect();
     let jac = twists_by_links(mechanism, &known, Form::Minimal, at)?;
     let spread = |(k, (_, posture)): (usize, &(&Vec<f64>, Posture))| {
         let part = |first: usize| {
