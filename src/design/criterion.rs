@@ -6,7 +6,7 @@ use faer::{Mat, Side};
 /// Exponent of the mean that stands in for the largest value, where a smooth function is needed.
 const STEEP: f64 = 24.0;
 /// Weight, relative to the largest, below which a case is left out of the mixture.
-const NEGLIGIBLE: f64 = 1e-6;
+const NEGLIGIBLE: f64 = 1e-3;
 
 /// Optimality of a set of postures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
