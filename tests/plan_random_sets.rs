@@ -144,8 +144,9 @@ fn a_plan_beats_the_best_of_200_random_sets() {
     assert!((reached / stated - 1.0).abs() < 0.15, "{reached:e} {stated:e}");
 }
 
-/// Every criterion plans in the time of the first, and its bound is not far.
+/// Every criterion plans within 20 s on two cores that do nothing else, and its bound is not far.
 #[test]
+#[ignore = "a minute, and a time on an idle machine"]
 fn every_criterion_plans_in_time() {
     let _alone = ALONE.lock();
     let case = Case::new();
