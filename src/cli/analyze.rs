@@ -1,9 +1,11 @@
 //! `gough analyze`: what poses can reveal.
 
 use super::analysis::{Report, json_text};
+use super::at::with_links_of;
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
+use super::wording::reason;
 use crate::calibration::Sample;
 use crate::design::Observability;
 use crate::files::{Blank, DataPlaces, DataSet, Kind, Output, ProblemFile, read_problem};
@@ -127,26 +129,12 @@ fn place(problem: &ProblemFile, args: &Args) -> Result<(Mechanism, Vec<f64>, Str
     let truth = problem.truth.as_ref().ok_or_else(|| {
         CliError::Usage(format!("{}: --at truth: the problem states no truth", problem.file))
     })?;
-    let alike = truth.limbs.len() == mechanism.limbs.len()
-        && truth.limbs.iter().zip(&mechanism.limbs).all(|(a, b)| {
-            a.joints.len() == b.joints.len()
-                && a.joints.iter().zip(&b.joints).all(|(a, b)| a.motion.is_angular() == b.motion.is_angular())
-        });
-    if !alike {
-        return Err(CliError::Usage(format!(
+    mechanism = with_links_of(mechanism, truth).ok_or_else(|| {
+        CliError::Usage(format!(
             "{}: --at truth: the true machine has other limbs or joints than the drawing",
             problem.file
-        )));
-    }
-    for (limb, truth) in mechanism.limbs.iter_mut().zip(&truth.limbs) {
-        for (link, truth) in limb.links.iter_mut().zip(&truth.links) {
-            link.nominal = truth.nominal;
-        }
-        for (joint, truth) in limb.joints.iter_mut().zip(&truth.joints) {
-            joint.frame = truth.frame;
-            joint.motion = truth.motion;
-        }
-    }
+        ))
+    })?;
     for (constant, truth) in mechanism.instrument.iter_mut().zip(&truth.instrument) {
         constant.nominal = truth.nominal;
     }
@@ -161,8 +149,13 @@ fn planned(
     name: &str,
     (actuators, second): (&[f64], &[f64]),
 ) -> Result<Sample, CliError> {
-    let measurement = read(mechanism, geometry, &*blank.measurement, actuators, second)
-        .map_err(|why| CliError::Posture { file: problem.file.clone(), sample: name.to_owned(), why })?;
+    let measurement = read(mechanism, geometry, &*blank.measurement, actuators, second).map_err(|why| {
+        CliError::Posture {
+            file: problem.file.clone(),
+            sample: name.to_owned(),
+            why: reason(&why, problem.units),
+        }
+    })?;
     Ok(Sample { name: name.to_owned(), actuators: actuators.to_vec(), measurement })
 }
 
@@ -171,9 +164,17 @@ fn planned_in_file(problem: &ProblemFile, machine: (&Mechanism, &Geometry)) -> R
     let mut samples = Vec::new();
     for set in problem.data.parts() {
         require_noise(problem, set)?;
-        for posture in &set.planned {
-            let Some(blank) = set.blanks.first() else { continue };
-            let at = (posture.actuators.as_slice(), posture.actuators.as_slice());
+        let Some(blank) = set.blanks.first() else { continue };
+        if set.kind == Kind::Separation && set.planned.len() == 1 {
+            return Err(CliError::Usage(format!(
+                "{}: {}: a separation compares two postures, and only one is planned",
+                problem.file, set.planned[0].name
+            )));
+        }
+        for (k, posture) in set.planned.iter().enumerate() {
+            // Planned separations compare each posture with the next.
+            let second = &set.planned[(k + 1) % set.planned.len()];
+            let at = (posture.actuators.as_slice(), second.actuators.as_slice());
             samples.push(planned(problem, machine, blank, &posture.name, at)?);
         }
     }
@@ -191,8 +192,10 @@ fn random(
     sets.iter().try_for_each(|set| require_noise(problem, set))?;
     let simulate = |why| CliError::Simulate { file: problem.file.clone(), why };
     let nominal = machine.0.nominal();
-    let mut pool =
-        draw_postures(machine.0, &[&nominal, machine.1], count, seed).map_err(simulate)?.into_iter().cycle();
+    // Two postures at least, so that no separation compares one with itself.
+    let two = if sets.iter().any(|set| set.kind == Kind::Separation) { 2 } else { 1 };
+    let drawn = draw_postures(machine.0, &[&nominal, machine.1], count.max(two), seed).map_err(simulate)?;
+    let mut pool = drawn.into_iter().cycle();
     let mut next = || pool.next().unwrap_or_default();
     let mut samples = Vec::with_capacity(count * sets.len());
     for set in sets {

@@ -3,8 +3,6 @@
 use crate::design::DesignError;
 use crate::files::FileError;
 use crate::formats::FormatError;
-use crate::identify::IdentifyError;
-use crate::model::NotClosed;
 use crate::model::mobility::MobilityError;
 use crate::problem::EvalError;
 use crate::simulate::SimulateError;
@@ -33,8 +31,8 @@ pub enum CliError {
     Identify {
         /// The file.
         file: String,
-        /// What is wrong.
-        why: IdentifyError,
+        /// What is wrong, in units of the file.
+        why: String,
     },
     /// A posture.
     #[error("{file}: {sample}: {why}")]
@@ -43,8 +41,8 @@ pub enum CliError {
         file: String,
         /// The sample.
         sample: String,
-        /// Why it does not close.
-        why: NotClosed,
+        /// Why it does not close, in units of the file.
+        why: String,
     },
     /// Postures were set aside although none may be.
     #[error("{file}: {sample} takes no part: {why} (--require-all refuses that)")]
@@ -53,8 +51,8 @@ pub enum CliError {
         file: String,
         /// The sample.
         sample: String,
-        /// Why it does not close.
-        why: NotClosed,
+        /// Why it does not close, in units of the file.
+        why: String,
     },
     /// Simulation.
     #[error("{file}: {why}")]

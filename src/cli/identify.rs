@@ -5,12 +5,13 @@ use super::error::CliError;
 use super::progress::with_spinner;
 use super::ranges::{out_of_range, warn_of_home};
 use super::summary::{Summary, summary};
-use super::wording::counted;
+use super::wording::{counted, not_identified, reason};
 use crate::calibration::Sample;
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
 use crate::identify::score::{score, set_aside};
 use crate::identify::{
-    Fit, Folds, Identification, NoiseEstimate, cross_validate, identify, identify_without_noise,
+    Fit, Folds, Identification, IdentifyError, NoiseEstimate, cross_validate, identify,
+    identify_without_noise,
 };
 use crate::measure::Clue;
 use crate::model::mobility;
@@ -102,7 +103,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             .map(|(found, noise)| (found, Some(noise))),
     });
     let (found, noise): (Identification, Option<NoiseEstimate>) =
-        outcome.map_err(|why| CliError::Identify { file: problem.file.clone(), why })?;
+        outcome.map_err(|why| not_done(&problem, &why))?;
     if let Outcome::Failed(Failure::Infeasible(names)) = &found.report.outcome {
         return Err(CliError::Usage(format!(
             "{}: the limits contradict each other: no machine fits those of {}; widen or remove one",
@@ -114,7 +115,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         return Err(CliError::SetAside {
             file: problem.file.clone(),
             sample: first.name.clone(),
-            why: first.reason.clone(),
+            why: reason(&first.reason, problem.units),
         });
     }
     if let (Some(noise), false) = (&noise, problem.holdout.has_noise()) {
@@ -126,7 +127,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         Some(folds) => {
             let message = format!("leaving out postures of {}", problem.name);
             let left_out = || cross_validate(&found, &weighed, folds, identifier.as_ref(), &stop);
-            let why = |why| CliError::Identify { file: problem.file.clone(), why };
+            let why = |why| not_done(&problem, &why);
             with_spinner(message, left_out).map_err(why)?
         }
     };
@@ -178,6 +179,10 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         eprintln!("warning: {warning}");
     }
     Ok(if found.report.outcome.converged() { Ending::Done } else { Ending::NotConverged })
+}
+
+fn not_done(problem: &ProblemFile, why: &IdentifyError) -> CliError {
+    CliError::Identify { file: problem.file.clone(), why: not_identified(why, problem.units) }
 }
 
 /// How `samples` postures are divided for cross-validation.

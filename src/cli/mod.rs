@@ -2,6 +2,7 @@
 
 pub mod analysis;
 pub mod analyze;
+mod at;
 pub mod check;
 mod check_misfit;
 pub mod command;

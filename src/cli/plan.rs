@@ -1,24 +1,30 @@
 //! `gough plan`: which postures to measure.
 
+use super::at::with_links_of;
 use super::details::digits;
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
+use super::wording::unfit;
 use crate::design::candidates::MOST;
 use crate::design::{
-    Candidates, Criterion, DesignError, Expected, Information, Instrument, Plan, Settings, plan,
+    Candidates, Criterion, DesignError, Expected, Information, Instrument, Plan, Settings, Unfit, plan,
 };
 use crate::files::{
-    DataPlaces, Kind, Model, Output, ProblemFile, actuators_text, read_actuators, read_model, read_problem,
-    readings,
+    DataPlaces, DataSet, Kind, Model, Output, ProblemFile, SampleDrawing, Units, planned_text,
+    read_actuators, read_model, read_problem, readings,
 };
-use crate::model::mobility;
+use crate::model::{Mechanism, Prior, mobility};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Random candidates where none are stated.
 const RANDOM: u32 = 2000;
 /// Postures of a workspace that is not stated.
 const WORKSPACE: usize = 200;
+
+/// What samples refer to by name, besides their readings.
+const NAMES: [&str; 4] = ["target", "point", "plane", "gauge"];
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -28,6 +34,9 @@ pub struct Args {
     /// Number of postures to choose
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     poses: u32,
+    /// Plan for the machine of this result, whose postures are those of the real one, instead of the drawing
+    #[arg(long, value_name = "RESULT")]
+    at: Option<PathBuf>,
     /// Choose among the actuator readings of this file (CSV, or JSON with samples)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["grid", "random"])]
     candidates: Option<PathBuf>,
@@ -77,34 +86,34 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     }
     let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
     problem.require_tolerances()?;
-    let mechanism = &problem.mechanism;
+    let mut model = read_model(&args.problem)?;
+    model.mechanism = machine(args, &problem)?;
+    let mechanism = &model.mechanism;
     mobility::check(mechanism, &mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
-    let covariance = problem.data.noise.ok_or_else(|| {
-        CliError::Usage(format!("{}: data.noise is not stated: a plan needs to know it", problem.file))
-    })?;
     if args.add_to_measured {
         problem.require_samples()?;
     }
-    let known = matches!(problem.data.kind, Kind::Pose | Kind::Position);
-    if !known || !problem.data.sets.is_empty() || !mechanism.instrument.is_empty() {
-        return Err(CliError::Usage(format!(
-            "{}: plans are made for poses, and for positions of the tool point; other measurements and unknown \
-             constants of the instrument cannot be planned for",
-            problem.file
-        )));
-    }
-    let rotation = problem.data.kind == Kind::Pose;
-    let instrument = Instrument { seen: [rotation, rotation, rotation, true, true, true], covariance };
+    let set = planned_set(&problem)?;
+    let instrument =
+        Instrument { blanks: set.blanks.iter().map(|blank| blank.measurement.clone()).collect() };
     let design = |why| CliError::Design { file: problem.file.clone(), why };
+    let told = |why: &Unfit| unfit(why, problem.units);
     let poses = args.poses as usize;
-    let model = read_model(&args.problem)?;
     let message = format!("choosing {poses} postures for {}", problem.name);
+    // A touch happens where the machine is led to the surface.
+    let contact = set.blanks.iter().any(|blank| blank.measurement.is_contact());
+    let led = |found: Candidates| match contact {
+        true => found.touching(mechanism, &instrument.blanks, args.regularity),
+        false => found,
+    };
+    // Two postures are compared: there must be two.
+    let least = if set.kind == Kind::Separation { 2 } else { 1 };
     let (candidates, workspace, left_out, plan) = with_spinner(message, || {
-        let candidates = candidates(args, &model)?;
-        candidates.require(poses).map_err(design)?;
-        let workspace = workspace(args, &model)?;
-        workspace.require(1).map_err(design)?;
+        let candidates = led(candidates(args, &model)?);
+        candidates.require(poses.max(least), &told).map_err(design)?;
+        let workspace = led(workspace(args, &model)?);
+        workspace.require(least, &told).map_err(design)?;
         let measured: &[_] = if args.add_to_measured { &problem.data.samples } else { &[] };
         let info = Information::new(mechanism, &instrument, &candidates.fit, measured, &workspace.fit, poses)
             .map_err(design)?;
@@ -112,12 +121,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         let plan = plan(mechanism, &candidates.fit, &info, &settings).map_err(design)?;
         Ok::<_, CliError>((candidates, workspace, info.left_out, plan))
     })?;
-    let rows: Vec<Vec<f64>> = plan
-        .chosen
-        .iter()
-        .map(|&i| readings(mechanism, problem.units, &candidates.fit[i].actuators))
-        .collect();
-    let text = actuators_text(&mechanism.actuator_names(), &rows)
+    let text = written(mechanism, &problem, set, &instrument, &candidates, &plan.chosen)
         .map_err(|why| CliError::Usage(format!("the plan cannot be written: {why}")))?;
     output.write(&text)?;
     let told = summary(args, &problem, criterion, (candidates.fit.len(), workspace.fit.len()), &plan);
@@ -132,8 +136,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             left_out.join(", ")
         );
     }
-    warn("candidates", args.candidates.as_deref(), &candidates);
-    warn("postures of the workspace", args.workspace.as_deref(), &workspace);
+    warn("candidates", args.candidates.as_deref(), &candidates, problem.units);
+    warn("postures of the workspace", args.workspace.as_deref(), &workspace, problem.units);
     if let Some(wanted) = args.random.filter(|wanted| candidates.fit.len() < *wanted as usize) {
         eprintln!(
             "warning: only {} of {wanted} random candidates were found: the workspace is a small part of the ranges",
@@ -141,6 +145,75 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         );
     }
     Ok(Ending::Done)
+}
+
+/// The machine to plan for: the drawing, or that of a result in its place.
+fn machine(args: &Args, problem: &ProblemFile) -> Result<Mechanism, CliError> {
+    let drawn = problem.mechanism.clone();
+    let Some(path) = &args.at else { return Ok(drawn) };
+    let result = read_model(path)?;
+    with_links_of(drawn, &result.mechanism).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--at {}: its machine has other limbs or joints than {}",
+            result.file, problem.file
+        ))
+    })
+}
+
+/// The data whose kind of measurement is planned for.
+fn planned_set(problem: &ProblemFile) -> Result<&DataSet, CliError> {
+    let refused = |why: &str| Err(CliError::Usage(format!("{}: {why}", problem.file)));
+    let [set] = problem.data.parts() else {
+        return refused("data.sets: a plan is made for one kind of measurement; leave one set in the file");
+    };
+    if set.noise.is_none() {
+        return refused("data.noise is not stated: a plan needs to know it");
+    }
+    let free = problem.mechanism.instrument.iter().find(|constant| constant.prior == Prior::Free);
+    if let Some(constant) = free {
+        return refused(&format!(
+            "data.instrument: {} is free: a plan needs to know about where it is; state a value and a tolerance",
+            constant.name()
+        ));
+    }
+    if set.blanks.is_empty() {
+        return refused("data: nothing says what is measured; state data.kind and what it refers to");
+    }
+    Ok(set)
+}
+
+/// The chosen postures as CSV: readings, those of the second posture where two are compared, and the names of what is
+/// measured.
+fn written(
+    mechanism: &Mechanism,
+    problem: &ProblemFile,
+    set: &DataSet,
+    instrument: &Instrument,
+    candidates: &Candidates,
+    chosen: &[usize],
+) -> io::Result<Vec<u8>> {
+    let shown = |i: usize| readings(mechanism, problem.units, &candidates.fit[i].actuators);
+    let mut names = mechanism.actuator_names();
+    let two = set.kind == Kind::Separation;
+    if two {
+        names.extend(mechanism.actuator_names().iter().map(|name| format!("second.{name}")));
+    }
+    let referred = |i: usize| {
+        let SampleDrawing { target, point, plane, gauge, .. } = &set.blanks[instrument.blank(i)].drawing;
+        [target, point, plane, gauge].map(|name| name.clone().unwrap_or_default())
+    };
+    let stated: Vec<usize> =
+        (0..NAMES.len()).filter(|&k| chosen.iter().any(|&i| !referred(i)[k].is_empty())).collect();
+    let row = |&i: &usize| {
+        let mut values = shown(i);
+        if two {
+            values.extend(shown(Instrument::second(i, candidates.fit.len())));
+        }
+        (values, stated.iter().map(|&k| referred(i)[k].clone()).collect())
+    };
+    let rows: Vec<(Vec<f64>, Vec<String>)> = chosen.iter().map(row).collect();
+    let named: Vec<&str> = stated.iter().map(|&k| NAMES[k]).collect();
+    planned_text(&names, &named, &rows)
 }
 
 fn candidates(args: &Args, model: &Model) -> Result<Candidates, CliError> {
@@ -175,13 +248,14 @@ fn from_file(path: &Path, model: &Model, least: f64) -> Result<Candidates, CliEr
 }
 
 /// Names what a file offered in vain. Random postures and grids are expected to leave the workspace.
-fn warn(what: &str, file: Option<&Path>, found: &Candidates) {
+fn warn(what: &str, file: Option<&Path>, found: &Candidates, units: Units) {
     if let (Some(file), Some((name, why))) = (file, found.unfit.first()) {
         eprintln!(
-            "warning: {}: {} of {} {what} are left out; {name}: {why}",
+            "warning: {}: {} of {} {what} are left out; {name}: {}",
             file.display(),
             found.unfit.len(),
-            found.unfit.len() + found.fit.len()
+            found.unfit.len() + found.fit.len(),
+            unfit(why, units)
         );
     }
 }

@@ -84,10 +84,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let text = match links {
         None => poses_text(format, &names, &poses, model.units),
         Some(links) => {
-            let covariances = pose_covariances(&model.mechanism, &postures, &links).map_err(|why| {
-                let (file, sample) = (args.actuators.display().to_string(), "uncertainty".into());
-                CliError::Posture { file, sample, why }
-            })?;
+            let covariances = pose_covariances(&model.mechanism, &postures, &links)
+                .map_err(|why| CliError::Evaluate { file: args.actuators.display().to_string(), why })?;
             let covariances: Vec<_> = covariances.iter().map(|c| c.total).collect();
             uncertain_poses_text(format, &names, &poses, &covariances, model.units)
         }

@@ -78,6 +78,7 @@ impl Summary<'_> {
                 degrees_of_freedom,
                 probability: self.test.map(|test| test.probability),
                 verdict: self.test.map(|test| test.sentence()),
+                birge_ratio: self.test.and_then(|test| test.birge_ratio()),
             }),
             cross_validation: self.cross_validation.map(|cross| CrossValidationEntry {
                 folds: cross.folds,
@@ -129,6 +130,10 @@ impl Summary<'_> {
     fn links(&self) -> Vec<LinkResult> {
         let mut links = Vec::new();
         let std = self.found.standard_errors();
+        let ratio = self.test.and_then(|test| test.birge_ratio());
+        let scaled: Option<Vec<f64>> = ratio
+            .zip(self.found.variances.as_ref())
+            .map(|(ratio, all)| all.iter().map(|v| v.scaled_error(ratio)).collect());
         let shares: Option<Vec<f64>> =
             self.found.variances.as_ref().map(|all| all.iter().map(Variance::prior_share).collect());
         let names =
@@ -142,6 +147,10 @@ impl Summary<'_> {
                 link: link.clone(),
                 deviation: Deviation::of(&deviation, self.problem.units),
                 std: std.map(|std| Deviation::of(&std, self.problem.units)),
+                scaled_std: scaled
+                    .as_deref()
+                    .and_then(six)
+                    .map(|std| Deviation::of(&std, self.problem.units)),
                 prior_share: shares
                     .as_deref()
                     .and_then(six)

@@ -134,10 +134,11 @@ impl Summary<'_> {
             && test.verdict != Verdict::Explained
         {
             warnings.push(test.sentence());
-            if test.verdict != Verdict::Overstated {
-                warnings.push(
-                    "standard errors suppose the stated noise: as things are they are too small".into(),
-                );
+            if let Some(ratio) = test.birge_ratio() {
+                warnings.push(format!(
+                    "standard errors suppose the stated noise: as things are they are too small; scaled_std of the \
+                     result has them for {ratio:.3} times that noise"
+                ));
             }
         }
         let mut active: Vec<&ActiveBound> = found.report.active.iter().collect();

@@ -1,6 +1,8 @@
 //! Words that several messages share: numbers with their nouns, lists, and why a posture does not close.
 
+use crate::design::Unfit;
 use crate::files::Units;
+use crate::identify::IdentifyError;
 use crate::model::NotClosed;
 pub use crate::render::text::counted;
 
@@ -27,6 +29,28 @@ pub fn reason(why: &NotClosed, units: Units) -> String {
             units.length_symbol(),
             counted(*iterations, "Newton step"),
         ),
+        other => other.to_string(),
+    }
+}
+
+/// Why nothing could be identified, in units of the file.
+pub fn not_identified(why: &IdentifyError, units: Units) -> String {
+    match why {
+        IdentifyError::NoneCloses(first) => {
+            format!(
+                "no posture closes with the nominal machine; {}: {}",
+                first.name,
+                reason(&first.reason, units)
+            )
+        }
+        other => other.to_string(),
+    }
+}
+
+/// Why a posture cannot be planned, in units of the file.
+pub fn unfit(why: &Unfit, units: Units) -> String {
+    match why {
+        Unfit::NotClosed(why) => reason(why, units),
         other => other.to_string(),
     }
 }

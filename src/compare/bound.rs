@@ -63,7 +63,7 @@ fn predicted(drawn: &Drawn, at: &[f64], truth: &[f64], root: &Mat<f64>) -> Optio
     let rms = |squares: &[f64], by: usize| Some((squares.iter().sum::<f64>() / by as f64).sqrt());
     let (whitened, rows) = squares(&drawn.holdout)?;
     let in_noise = Prediction { in_noise: rms(&whitened, rows), poses: count, ..Prediction::default() };
-    if drawn.holdout.iter().any(|s| s.measurement.rows() != WHOLE || s.measurement.pose().is_none()) {
+    if drawn.holdout.iter().any(|s| s.measurement.pose().is_none()) {
         return Some(in_noise);
     }
     let unit = |s: &Sample| Sample { measurement: s.measurement.reweighted(Weights::Unit), ..s.clone() };

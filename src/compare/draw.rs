@@ -2,12 +2,12 @@
 
 use super::line::Source;
 use crate::calibration::Sample;
-use crate::files::{BenchmarkDrawing, Blank, Kind, MeasuredPose, ProblemFile};
+use crate::files::{BenchmarkDrawing, Blank, Kind, ProblemFile};
 use crate::identify::run::placed;
 use crate::identify::{IdentifyError, NoiseEstimate, identify_without_noise};
 use crate::lie::{Se3, so3};
 use crate::measure::pose::NotPositive;
-use crate::measure::{Measurement, Weights};
+use crate::measure::{Measurement, Pose, Weights};
 use crate::model::{Geometry, Mechanism};
 use crate::simulate::readings::Reading;
 use crate::simulate::{
@@ -134,18 +134,18 @@ fn simulated_poses(
     let covariance = problem.data.noise.ok_or(DrawError::NoNoise)? * (noise * noise);
     let drawn = simulate_by(recipe, &problem.mechanism, &covariance, plan)?;
     let rotation = problem.data.kind != Kind::Position;
-    let measured = |name: &str, seen: bool, poses: Vec<(Vec<f64>, Se3)>| {
+    let seen = [rotation, rotation, rotation, true, true, true];
+    type Make = fn(Se3, [bool; 6], &Matrix6<f64>) -> Result<Pose, NotPositive>;
+    let measured = |name: &str, make: Make, poses: Vec<(Vec<f64>, Se3)>| {
         let sample = |(k, (actuators, pose)): (usize, (Vec<f64>, Se3))| {
-            let rotation = rotation || seen;
-            let measured = MeasuredPose { pose, rotation, position: [true; 3], noise: None };
-            let measurement = measured.measurement(&covariance)?;
+            let measurement = Arc::new(make(pose, seen, &covariance)?);
             Ok(Sample { name: format!("{name} {}", k + 1), actuators, measurement })
         };
         poses.into_iter().enumerate().map(sample).collect::<Result<Vec<_>, NotPositive>>()
     };
-    let samples = measured("sample", false, drawn.samples)?;
-    // Hold-out poses are the true ones, rotations included whatever the instrument sees.
-    let holdout = measured("hold-out", true, drawn.holdout)?;
+    let samples = measured("sample", Pose::new, drawn.samples)?;
+    // Hold-out poses are the true ones, rotations included whatever the instrument sees: in its noise only what it sees.
+    let holdout = measured("hold-out", Pose::known, drawn.holdout)?;
     Ok((samples, holdout, drawn.truth))
 }
 

@@ -1,11 +1,14 @@
 //! Candidate postures: within the drawn ranges, loops closed, away from singularities.
 
+use super::information::ROWS;
 use crate::lie::Se3;
+use crate::measure::Measurement;
 use crate::model::{Mechanism, NotClosed, Posture};
-use crate::simulate::{actuator_ranges, close};
+use crate::simulate::{actuator_ranges, close, touch};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Most candidates of a plan: their rows are held in memory.
 pub const MOST: usize = 20_000;
@@ -43,6 +46,9 @@ pub enum Unfit {
         /// Least ratio that is accepted.
         least: f64,
     },
+    /// The surface that it should touch is not reached from it.
+    #[error("the actuators' ranges do not lead from it to the plane")]
+    NoContact,
     /// A joint leaves the range of the drawing.
     #[error("{joint} leaves its range")]
     OutOfRange {
@@ -74,7 +80,7 @@ pub enum DesignError {
         /// One of them.
         name: String,
         /// Why it is unfit.
-        why: Unfit,
+        why: String,
     },
     /// Fewer candidates than postures wanted.
     #[error(
@@ -92,6 +98,15 @@ pub enum DesignError {
     #[error("{found} candidates are too many: the limit is {MOST}; take a coarser grid or random postures")]
     TooMany {
         /// Candidates offered.
+        found: usize,
+    },
+    /// More readings of one posture than are held of a candidate.
+    #[error(
+        "{found} readings of one posture are more than a plan can weigh ({ROWS}); name the sensors that matter most in \
+         data.joints"
+    )]
+    TooManyReadings {
+        /// Readings of a posture.
         found: usize,
     },
     /// The linearisation failed.
@@ -179,17 +194,50 @@ impl Candidates {
         Ok(Self::admit(mechanism, postures.collect(), least))
     }
 
-    /// Refuses an empty workspace, and too few or too many candidates for `wanted` postures.
-    pub fn require(&self, wanted: usize) -> Result<(), DesignError> {
+    /// The postures led to where `blanks`, which they take in turn, touch their surfaces; the longest such list in which
+    /// none is missing.
+    pub fn touching(mut self, mechanism: &Mechanism, blanks: &[Arc<dyn Measurement>], least: f64) -> Self {
+        let nominal = mechanism.nominal();
+        let mut lists = Vec::with_capacity(blanks.len());
+        for (turn, blank) in blanks.iter().enumerate() {
+            let own: Vec<&Candidate> = self.fit.iter().skip(turn).step_by(blanks.len()).collect();
+            let led: Vec<Option<Vec<f64>>> = own
+                .par_iter()
+                .map(|c| touch(mechanism, &nominal, &**blank, c.actuators.clone(), 0.0))
+                .collect();
+            let mut postures = Vec::with_capacity(led.len());
+            for (candidate, led) in own.into_iter().zip(led) {
+                match led {
+                    Some(actuators) => postures.push((candidate.name.clone(), actuators)),
+                    None => self.unfit.push((candidate.name.clone(), Unfit::NoContact)),
+                }
+            }
+            let admitted = Self::admit(mechanism, postures, least);
+            self.unfit.extend(admitted.unfit);
+            lists.push(admitted.fit.into_iter());
+        }
+        self.fit = Vec::new();
+        while let Some(round) = lists.iter_mut().map(Iterator::next).collect::<Option<Vec<_>>>() {
+            if round.is_empty() {
+                break;
+            }
+            self.fit.extend(round);
+        }
+        self
+    }
+
+    /// Refuses an empty workspace, and too few or too many candidates for `wanted` postures; `told` puts into words why a
+    /// posture is unfit.
+    pub fn require(&self, wanted: usize, told: &dyn Fn(&Unfit) -> String) -> Result<(), DesignError> {
         let found = self.fit.len();
         match self.unfit.first() {
             Some((name, why)) if found == 0 => {
                 let tried = self.unfit.len();
-                Err(DesignError::Empty { tried, name: name.clone(), why: why.clone() })
+                Err(DesignError::Empty { tried, name: name.clone(), why: told(why) })
             }
             first if found < wanted => {
                 let others = first.map_or_else(String::new, |(name, why)| {
-                    format!(" ({} others cannot; {name}: {why})", self.unfit.len())
+                    format!(" ({} others cannot; {name}: {})", self.unfit.len(), told(why))
                 });
                 Err(DesignError::TooFew { found, wanted, others })
             }

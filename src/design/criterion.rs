@@ -5,6 +5,8 @@ use faer::{Mat, Side};
 
 /// Exponent of the mean that stands in for the largest value, where a smooth function is needed.
 const STEEP: f64 = 24.0;
+/// Weight, relative to the largest, below which a case is left out of the mixture.
+const NEGLIGIBLE: f64 = 1e-3;
 
 /// Optimality of a set of postures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,11 +29,14 @@ pub enum Criterion {
 pub struct View {
     /// A smooth value, to be as large as possible.
     pub value: f64,
+    /// The value that `slope` belongs to: `log det M`, or `-tr(L C)`. It differs from `value` where cases that hardly
+    /// count are left out of `L`.
+    pub mixture: f64,
     /// `C = M^-1`.
     pub covariance: Mat<f64>,
     /// `dvalue/dM`: `C`, or `C L C`.
     pub slope: Mat<f64>,
-    /// Sum of the weights in `L`, so that `-value / mass` is a mixture of variances; 1 for D.
+    /// Sum of the weights in `L`, so that `-mixture / mass` is a mixture of variances; 1 for D.
     pub mass: f64,
     /// Half of the factor that the curvature `-tr(dM C dM slope)` has.
     pub bend: f64,
@@ -66,11 +71,20 @@ impl Criterion {
         let covariance = inverse(information)?;
         if self == Criterion::D {
             let value = log_det(information)?;
-            return Some(View { value, slope: covariance.clone(), covariance, mass: 1.0, bend: 0.5 });
+            let slope = covariance.clone();
+            return Some(View { value, mixture: value, slope, covariance, mass: 1.0, bend: 0.5 });
         }
-        let (value, chosen, mass) = self.worst_case(info, &covariance)?;
-        let slope = &covariance * chosen * &covariance;
-        Some(View { value: -value, covariance, slope, mass, bend: 1.0 })
+        let worst = self.worst_case(info, &covariance)?;
+        let slope = &covariance * &worst.root;
+        let slope = &slope * slope.transpose();
+        Some(View {
+            value: -worst.value,
+            mixture: -worst.mixture,
+            covariance,
+            slope,
+            mass: worst.mass,
+            bend: 1.0,
+        })
     }
 
     /// The exact value, to be as large as possible: `log det`, or minus the worst variance.
@@ -94,49 +108,79 @@ impl Criterion {
         variances.into_iter().reduce(f64::max).map(|worst| -worst)
     }
 
-    /// `C L C` at the covariance `C`, with the present worst case `L`; `C` itself for D.
-    pub fn slope_at(self, info: &Information, covariance: &Mat<f64>) -> Option<Mat<f64>> {
-        if self == Criterion::D {
-            return Some(covariance.clone());
-        }
-        let (_, chosen, _) = self.worst_case(info, covariance)?;
-        Some(covariance * chosen * covariance)
-    }
-
-    /// A smooth upper bound of the worst variance, the matrix `L` with its derivative `dvalue = tr(L dC)`, and the sum
-    /// of weights in it.
-    fn worst_case(self, info: &Information, covariance: &Mat<f64>) -> Option<(f64, Mat<f64>, f64)> {
+    /// The worst case at this covariance; all directions alike for D, which has none.
+    pub fn worst_case(self, info: &Information, covariance: &Mat<f64>) -> Option<WorstCase> {
         let k = info.scale.len();
         match self {
-            Criterion::D | Criterion::A => {
-                let mut chosen = Mat::zeros(k, k);
-                for i in kept(info) {
-                    chosen[(i, i)] = info.scale[i] * info.scale[i];
-                }
-                let value = kept(info).iter().map(|&i| variance(info, covariance, i)).sum();
-                Some((value, chosen, 1.0))
+            Criterion::D => {
+                Some(WorstCase { value: 0.0, mixture: 0.0, root: Mat::identity(k, k), mass: 1.0 })
+            }
+            Criterion::A => {
+                let index = kept(info);
+                let root =
+                    Mat::from_fn(k, index.len(), |i, j| if index[j] == i { info.scale[i] } else { 0.0 });
+                let value = index.iter().map(|&i| variance(info, covariance, i)).sum();
+                Some(WorstCase { value, mixture: value, root, mass: 1.0 })
             }
             Criterion::E => {
                 let index = kept(info);
                 let eigen = kept_block(info, covariance).self_adjoint_eigen(Side::Lower).ok()?;
                 let values: Vec<f64> = eigen.S().column_vector().iter().copied().collect();
                 let (value, weights) = steep_mean(&values);
-                let vectors =
-                    Mat::from_fn(k, values.len(), |i, j| match index.iter().position(|&at| at == i) {
-                        Some(row) => info.scale[i] * eigen.U()[(row, j)] * weights[j].sqrt(),
-                        None => 0.0,
-                    });
-                Some((value, &vectors * vectors.transpose(), weights.iter().sum()))
+                let some = counting(&weights);
+                let mut root = Mat::zeros(k, some.len());
+                for (column, &j) in some.iter().enumerate() {
+                    for (row, &i) in index.iter().enumerate() {
+                        root[(i, column)] = info.scale[i] * eigen.U()[(row, j)] * weights[j].sqrt();
+                    }
+                }
+                Some(WorstCase::of(value, &values, &weights, &some, root))
             }
             Criterion::G => {
-                let (value, weights) = steep_mean(&workspace_variances(info, covariance));
-                let rows = Mat::from_fn(info.workspace.nrows(), k, |i, j| {
-                    weights[i / ROWS].sqrt() * info.workspace[(i, j)]
-                });
-                Some((value, rows.transpose() * &rows, weights.iter().sum()))
+                let values = workspace_variances(info, covariance);
+                let (value, weights) = steep_mean(&values);
+                let some = counting(&weights);
+                let mut root = Mat::zeros(k, ROWS * some.len());
+                for (place, &posture) in some.iter().enumerate() {
+                    let factor = weights[posture].sqrt();
+                    for i in 0..k {
+                        for row in 0..ROWS {
+                            let seen = info.workspace[(ROWS * posture + row, i)];
+                            root[(i, ROWS * place + row)] = factor * seen;
+                        }
+                    }
+                }
+                Some(WorstCase::of(value, &values, &weights, &some, root))
             }
         }
     }
+}
+
+/// A smooth upper bound of the worst variance, and which mixture of cases it is.
+#[derive(Clone, Debug)]
+pub struct WorstCase {
+    /// The bound.
+    pub value: f64,
+    /// `tr(L C)`: the bound without the cases that hardly count.
+    pub mixture: f64,
+    /// `L = root root'`, the derivative of `mixture` by `C`.
+    pub root: Mat<f64>,
+    /// Sum of the weights in `L`.
+    pub mass: f64,
+}
+
+impl WorstCase {
+    fn of(value: f64, values: &[f64], weights: &[f64], some: &[usize], root: Mat<f64>) -> Self {
+        let sum = |of: &dyn Fn(usize) -> f64| some.iter().map(|&i| of(i)).sum::<f64>();
+        Self { value, mixture: sum(&|i| weights[i] * values[i]), root, mass: sum(&|i| weights[i]) }
+    }
+}
+
+/// Cases whose weight is not negligible beside the largest. Any mixture of cases proves a bound, so that leaving some out
+/// is no error.
+fn counting(weights: &[f64]) -> Vec<usize> {
+    let largest = weights.iter().copied().fold(0.0, f64::max);
+    (0..weights.len()).filter(|&i| weights[i] >= NEGLIGIBLE * largest).collect()
 }
 
 /// The p-mean `(sum v^p)^(1/p)`, at least the largest value, with its derivatives.
@@ -151,7 +195,7 @@ fn steep_mean(values: &[f64]) -> (f64, Vec<f64>) {
 /// Coordinates that an average plan knows better than the tolerances; all of them where there are none such.
 fn kept(info: &Information) -> Vec<usize> {
     let all = 0..info.scale.len();
-    let some: Vec<usize> = all.clone().filter(|&i| info.scale[i] * info.scale[i] < 0.5).collect();
+    let some: Vec<usize> = all.clone().filter(|&i| info.is_kept(i)).collect();
     if some.is_empty() { all.collect() } else { some }
 }
 
@@ -160,15 +204,16 @@ fn variance(info: &Information, covariance: &Mat<f64>, i: usize) -> f64 {
     covariance[(i, i)] * info.scale[i] * info.scale[i]
 }
 
-fn kept_block(info: &Information, covariance: &Mat<f64>) -> Mat<f64> {
+/// Covariance of the kept directions, tolerances squared.
+pub fn kept_block(info: &Information, covariance: &Mat<f64>) -> Mat<f64> {
     let index = kept(info);
     Mat::from_fn(index.len(), index.len(), |i, j| {
         covariance[(index[i], index[j])] * info.scale[index[i]] * info.scale[index[j]]
     })
 }
 
-/// Sum of the variances of a predicted pose in units of the noise, for each posture of the workspace.
-fn workspace_variances(info: &Information, covariance: &Mat<f64>) -> Vec<f64> {
+/// Sum of the variances of what is read, in units of the noise, for each posture of the workspace.
+pub fn workspace_variances(info: &Information, covariance: &Mat<f64>) -> Vec<f64> {
     block_products(&info.workspace, &(&info.workspace * covariance))
 }
 
@@ -176,8 +221,9 @@ fn workspace_variances(info: &Information, covariance: &Mat<f64>) -> Vec<f64> {
 pub fn block_products(a: &Mat<f64>, b: &Mat<f64>) -> Vec<f64> {
     let mut sums = vec![0.0; a.nrows() / ROWS];
     for j in 0..a.ncols() {
-        for (i, (a, b)) in a.col(j).iter().zip(b.col(j).iter()).enumerate() {
-            sums[i / ROWS] += a * b;
+        let blocks = a.col_as_slice(j).chunks_exact(ROWS).zip(b.col_as_slice(j).chunks_exact(ROWS));
+        for (sum, (a, b)) in sums.iter_mut().zip(blocks) {
+            *sum += a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         }
     }
     sums

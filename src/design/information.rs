@@ -3,14 +3,18 @@
 
 use super::candidates::{Candidate, DesignError};
 use crate::calibration::{Calibration, Postures, Sample, close_at};
+use crate::identify::twists::twists_by_links;
+use crate::lie::Se3;
 use crate::linalg;
 use crate::measure::pose::NotPositive;
-use crate::measure::{Measurement, Pose, Weights};
+use crate::measure::{Measurement, Pose};
 use crate::model::Mechanism;
 use crate::problem::{Form, Problem};
+use crate::simulate::read;
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
 use nalgebra::Matrix6;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Rows kept for each posture; a measurement with fewer leaves the others zero.
@@ -20,18 +24,43 @@ pub const ROWS: usize = 6;
 const VISIBLE: f64 = 1e-6;
 
 /// What would be measured at each posture.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Instrument {
-    /// Components of the pose that are measured, rotation first.
-    pub seen: [bool; 6],
-    /// Covariance of a measured pose, rotation first, rad and m.
-    pub covariance: Matrix6<f64>,
+    /// Measurements without readings, weighted by the stated noise, that the candidates take in turn.
+    pub blanks: Vec<Arc<dyn Measurement>>,
 }
 
 impl Instrument {
-    /// A measurement that reads the pose of a candidate.
-    fn measurement(&self, candidate: &Candidate) -> Result<Arc<dyn Measurement>, NotPositive> {
-        Ok(Arc::new(Pose::new(candidate.pose, self.seen, &self.covariance)?))
+    /// One that reads the components `seen` of a pose (rotation first) with this covariance (rad and m).
+    pub fn of_poses(seen: [bool; 6], covariance: &Matrix6<f64>) -> Result<Self, NotPositive> {
+        Ok(Self { blanks: vec![Arc::new(Pose::new(Se3::identity(), seen, covariance)?)] })
+    }
+
+    /// What is read at a candidate.
+    pub fn blank(&self, candidate: usize) -> usize {
+        candidate % self.blanks.len().max(1)
+    }
+
+    /// Index of the candidate with which a candidate is compared, where the instrument compares two postures: half of all
+    /// `count` candidates further on.
+    pub fn second(candidate: usize, count: usize) -> usize {
+        (candidate + count / 2) % count.max(1)
+    }
+
+    /// What is read at these candidates without noise.
+    fn samples(&self, mechanism: &Mechanism, of: &[Candidate]) -> Result<Vec<Sample>, DesignError> {
+        let nominal = mechanism.nominal();
+        let one = |(i, c): (usize, &Candidate)| {
+            let blank = self.blanks.get(self.blank(i)).ok_or(DesignError::Blind)?;
+            if blank.rows() > ROWS {
+                return Err(DesignError::TooManyReadings { found: blank.rows() });
+            }
+            let second = &of[Self::second(i, of.len())].actuators;
+            let measurement = read(mechanism, &nominal, &**blank, &c.actuators, second)
+                .map_err(|why| DesignError::Evaluate(format!("{}: {why}", c.name)))?;
+            Ok(Sample { name: c.name.clone(), actuators: c.actuators.clone(), measurement })
+        };
+        of.par_iter().enumerate().map(one).collect()
     }
 }
 
@@ -68,23 +97,15 @@ impl Information {
         workspace: &[Candidate],
         poses: usize,
     ) -> Result<Self, DesignError> {
-        let samples = |of: &[Candidate], weights: Option<Weights>| -> Result<Vec<Sample>, DesignError> {
-            let sample = |c: &Candidate| {
-                let plain = Instrument { seen: [true; 6], covariance: Matrix6::identity() };
-                let measurement = match weights {
-                    None => instrument.measurement(c),
-                    Some(weights) => plain.measurement(c).map(|m| m.reweighted(weights)),
-                };
-                let measurement = measurement.map_err(|why| DesignError::Evaluate(why.to_string()))?;
-                Ok(Sample { name: c.name.clone(), actuators: c.actuators.clone(), measurement })
-            };
-            of.iter().map(sample).collect()
-        };
-        let planned = jacobian(mechanism, &samples(candidates, None)?, true)?;
+        let planned = jacobian(mechanism, &instrument.samples(mechanism, candidates)?, true)?;
         let (measured, left_out) = as_drawn(mechanism, measured);
         let known = jacobian(mechanism, &measured, false)?;
-        let seen = jacobian(mechanism, &samples(workspace, None)?, true)?;
-        let twists = jacobian(mechanism, &samples(workspace, Some(Weights::Unit))?, true)?;
+        let seen = jacobian(mechanism, &instrument.samples(mechanism, workspace)?, true)?;
+        let zero = vec![0.0; mechanism.component_count()];
+        let postures: Vec<(&[f64], Se3)> =
+            workspace.iter().map(|c| (c.actuators.as_slice(), c.pose)).collect();
+        let twists = twists_by_links(mechanism, &postures, Form::Minimal, &zero)
+            .map_err(|why| DesignError::Evaluate(why.to_string()))?;
         let average = (poses as f64 / candidates.len().max(1) as f64).sqrt();
         let (directions, s) = spectrum(&[(&planned, average), (&known, 1.0), (&seen, 1.0)])
             .ok_or_else(|| DesignError::Evaluate("the Jacobian is not finite".into()))?;
@@ -103,10 +124,15 @@ impl Information {
         let by_known = scaled(by_known);
         let prior = Mat::from_fn(k, k, |i, j| if i == j { scale[i] * scale[i] } else { 0.0 });
         let (turned, base) = (scaled(turned), prior + by_known.transpose() * &by_known);
-        let kept = scale.iter().filter(|scale| **scale * **scale < 0.5).count();
+        let kept = scale.iter().filter(|scale| is_kept(**scale)).count();
         let workspace = scaled(&seen * directions.get(.., ..k));
         let twists = scaled(&twists * directions.get(.., ..k));
         Ok(Self { rows: turned, base, scale, kept, workspace, twists, left_out })
+    }
+
+    /// Whether an average plan knows this coordinate better than the tolerances.
+    pub fn is_kept(&self, coordinate: usize) -> bool {
+        self.scale.get(coordinate).is_some_and(|scale| is_kept(*scale))
     }
 
     /// Number of candidates.
@@ -144,6 +170,11 @@ impl Information {
         let units: f64 = self.scale.iter().map(|scale| 2.0 * scale.ln()).sum();
         Some(log_det(information)? - units)
     }
+}
+
+/// Whether information beats the unit prior, by the standard deviation that both together leave.
+fn is_kept(scale: f64) -> bool {
+    scale * scale < 0.5
 }
 
 /// Inverse of a positive definite matrix; `None` where it is none.

@@ -13,6 +13,9 @@ const HALVINGS: usize = 5;
 /// Gap at which the relaxation is solved: of `log det` for each kept direction, of a variance relative to it.
 const SOLVED: f64 = 1e-3;
 
+/// Rounds in which the bound of a worst case has to improve by a tenth of [`SOLVED`]: near its optimum it creeps.
+const PATIENCE: usize = 12;
+
 /// Weights of all candidates, each between 0 and 1, their sum the number of postures.
 #[derive(Clone, Debug)]
 pub struct Relaxed {
@@ -36,16 +39,22 @@ pub fn relax(info: &Information, criterion: Criterion, plan: &[usize]) -> Option
     }
     let mut bound = f64::INFINITY;
     let mut rounds = 0;
+    let mut bounds = Vec::new();
     loop {
         let mut information = info.weighted(&weights);
         let mut view = criterion.view(info, &information)?;
         let slopes = block_products(&info.rows, &(&info.rows * &view.slope));
         let gap = gap(&weights, &slopes, plan.len());
         // A worst case does no less harm than any mixture of cases; `L` is one, after division by its mass.
-        bound = bound.min((view.value + gap) / view.mass);
+        bound = bound.min((view.mixture + gap) / view.mass);
         rounds += 1;
         let scale = if criterion == Criterion::D { info.kept.max(1) as f64 } else { view.value.abs() };
-        if gap <= SOLVED * scale || rounds == ROUNDS {
+        bounds.push(bound);
+        let creeping = bounds
+            .iter()
+            .nth_back(PATIENCE)
+            .is_some_and(|earlier| !criterion.is_smooth() && earlier - bound < 0.1 * SOLVED * scale);
+        if gap <= SOLVED * scale || creeping || rounds == ROUNDS {
             return Some(Relaxed { weights, bound, rounds });
         }
         let before = view.value;

@@ -73,6 +73,20 @@ pub fn actuators_text(names: &[String], rows: &[Vec<f64>]) -> io::Result<Vec<u8>
     writer.into_inner().map_err(|error| error.into_error())
 }
 
+/// Postures as CSV whose rows also name what is to be measured there: `named` has the headings of those columns.
+pub fn planned_text(
+    names: &[String],
+    named: &[&str],
+    rows: &[(Vec<f64>, Vec<String>)],
+) -> io::Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(names.iter().map(String::as_str).chain(named.iter().copied()))?;
+    for row in rows {
+        writer.serialize(row)?;
+    }
+    writer.into_inner().map_err(|error| error.into_error())
+}
+
 /// Reads the postures of `path` for `model`, whose units govern it. A file that begins with a brace is JSON.
 pub fn read_actuators(path: &Path, model: &Model) -> Result<Vec<ActuatorRow>, FileError> {
     let file = path.display().to_string();

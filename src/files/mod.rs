@@ -34,7 +34,7 @@ pub mod values;
 pub mod wanted;
 pub mod write;
 
-pub use actuators::{ActuatorRow, actuators_text, read_actuators};
+pub use actuators::{ActuatorRow, actuators_text, planned_text, read_actuators};
 pub use benchmark::BenchmarkDrawing;
 pub use data::{DataDrawing, SampleDrawing};
 pub use dataset::{Blank, DataSet, Kind, MeasuredPose, PlannedPosture};

@@ -154,6 +154,9 @@ pub struct LinkResult {
     pub deviation: Deviation,
     /// Standard errors, `None` where they are not known.
     pub std: Option<Deviation>,
+    /// The same for noise `birge_ratio` times what was stated, where the residual contradicts it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scaled_std: Option<Deviation>,
     /// Of each variance, the share that stems from the tolerances and not from the measurements: 0 is data, 1 is prior.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior_share: Option<Deviation>,
@@ -236,6 +239,9 @@ pub struct ChiSquare {
     /// What follows, in a sentence.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<String>,
+    /// By how much the noise seems larger than stated, where the residual contradicts it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub birge_ratio: Option<f64>,
 }
 
 /// Errors of postures predicted without them.

@@ -35,6 +35,11 @@ pub struct Variance {
 }
 
 impl Variance {
+    /// Standard error where the noise is `ratio` times what was stated, the tolerances being true (10.10).
+    pub fn scaled_error(&self, ratio: f64) -> f64 {
+        ((self.total - self.prior) * ratio * ratio + self.prior).max(0.0).sqrt()
+    }
+
     /// Share of the prior, from 0 (data) to 1 (tolerances); 0 where there is no variance.
     pub fn prior_share(&self) -> f64 {
         if self.total > 0.0 { self.prior / self.total } else { 0.0 }

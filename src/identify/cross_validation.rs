@@ -119,6 +119,9 @@ pub(super) fn residual_without(
     samples: &[Sample],
     fold: &[usize],
 ) -> Option<(f64, usize)> {
+    if matches!(found.report.estimate, Estimate::Decoupled { .. }) {
+        return None;
+    }
     let geometry = Influence::new(found, samples).ok()?.without(fold)?;
     let rest = samples.iter().enumerate().filter(|(i, _)| !fold.contains(i));
     let pairs: Vec<(&Geometry, &Sample)> = rest.map(|(_, sample)| (&geometry, sample)).collect();
@@ -128,18 +131,22 @@ pub(super) fn residual_without(
 }
 
 /// What the estimate does where readings change.
-struct Influence<'a> {
+pub(super) struct Influence<'a> {
     found: &'a Identification,
     problem: Calibration<'a>,
     x: Vec<f64>,
     /// `(J'J + W)^-1`, n x n.
     inverse: Mat<f64>,
+    /// Step to the estimate of all limbs together, n x 1: zero where the estimate is that.
+    offset: Mat<f64>,
 }
 
 impl<'a> Influence<'a> {
-    fn new(found: &'a Identification, samples: &'a [Sample]) -> Result<Self, EvalError> {
-        if found.covariance.is_none() || matches!(found.report.estimate, Estimate::Decoupled { .. }) {
-            return Err(EvalError("the estimate is not linear in all readings at once".into()));
+    /// About the solution, with the prior's weights there. For an estimate of each limb by itself it is that of all limbs
+    /// together, one step away.
+    pub(super) fn new(found: &'a Identification, samples: &'a [Sample]) -> Result<Self, EvalError> {
+        if found.covariance.is_none() {
+            return Err(EvalError("linear theory does not describe the estimate".into()));
         }
         let at = found.geometry.deviations_from(&found.start.nominal());
         let problem = Calibration::new(&found.start, samples, Form::Minimal, &at);
@@ -148,22 +155,32 @@ impl<'a> Influence<'a> {
         }
         let x = problem.coordinates().nearest(&at);
         let not_finite = || EvalError("the Jacobian is not finite".into());
-        let svd = linalg::svd(problem.compress(&x)?.jac.as_ref()).ok_or_else(not_finite)?;
+        let rows = problem.compress(&x)?;
+        let svd = linalg::svd(rows.jac.as_ref()).ok_or_else(not_finite)?;
         let n = x.len();
         let mut root = svd.v;
+        // J'r + W z, zero at an estimate of all limbs together.
+        let mut gradient = linalg::mul_transpose(rows.jac.as_ref(), &rows.r);
         for k in 0..n {
             let s = svd.s.get(k).copied().unwrap_or(0.0);
             let w = weight(found.report.estimate, s).ok_or_else(not_finite)?;
+            let v: Vec<f64> = root.col(k).iter().copied().collect();
+            let along = w * linalg::dot(&v, &x);
+            gradient.iter_mut().zip(&v).for_each(|(g, v)| *g += along * v);
             let scale = 1.0 / (s * s + w).sqrt();
             root.as_mut().col_mut(k).iter_mut().for_each(|v| *v *= scale);
         }
         let inverse = &root * root.transpose();
-        Ok(Self { found, problem, x, inverse })
+        let offset = match found.report.estimate {
+            Estimate::Decoupled { .. } => &inverse * Mat::from_fn(n, 1, |i, _| -gradient[i]),
+            _ => Mat::zeros(n, 1),
+        };
+        Ok(Self { found, problem, x, inverse, offset })
     }
 
     /// The machine as the samples without those of `fold` would give it, the prior's weights unchanged; `None` where
     /// these leave too much open for that.
-    fn without(&self, fold: &[usize]) -> Option<Geometry> {
+    pub(super) fn without(&self, fold: &[usize]) -> Option<Geometry> {
         let (mut jac, mut r) = (Vec::new(), Vec::new());
         for &i in fold {
             let one = self.problem.only(i..i + 1).linearize(&self.x).ok()?;
@@ -187,9 +204,9 @@ impl<'a> Influence<'a> {
         }
         let k = fold.r.len();
         let rest = Mat::<f64>::identity(k, k) - own;
-        let rhs = Mat::from_fn(k, 1, |i, _| fold.r[i]);
+        let rhs = Mat::from_fn(k, 1, |i, _| fold.r[i]) + &fold.jac * &self.offset;
         let e = rest.partial_piv_lu().solve(&rhs);
-        let step = &gain * e;
+        let step = &gain * e + &self.offset;
         let x: Vec<f64> = self.x.iter().zip(step.col(0).iter()).map(|(x, dx)| x + dx).collect();
         let d = self.problem.coordinates().deviations(&x);
         d.iter().all(|v| v.is_finite()).then(|| self.found.start.deviated(&d))

@@ -7,6 +7,7 @@ pub mod covariance;
 pub mod cross_validation;
 pub mod directions;
 pub mod noise;
+pub mod outliers;
 mod references;
 pub mod registration;
 pub mod residual;
@@ -16,6 +17,7 @@ pub mod score;
 pub mod sparse;
 pub mod spread;
 mod targets;
+pub mod twists;
 pub mod uncertainty;
 
 pub use analysis::{Analysis, PostureInformation, analyze};

@@ -90,6 +90,15 @@ impl ChiSquareTest {
         (self.value / self.degrees_of_freedom).sqrt()
     }
 
+    /// By how much the noise seems larger than stated, where the residual contradicts it: the ratio of Birge (Physical
+    /// Review 40, 1932). Errors are never made smaller by it. `None` where the stated noise may be trusted.
+    pub fn birge_ratio(&self) -> Option<f64> {
+        match self.verdict {
+            Verdict::Explained | Verdict::Overstated => None,
+            Verdict::Understated | Verdict::Outliers | Verdict::Incomplete => Some(self.ratio()),
+        }
+    }
+
     /// What the test says, in a sentence without its full stop.
     pub fn sentence(&self) -> String {
         let ratio = self.ratio();

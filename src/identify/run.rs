@@ -3,9 +3,10 @@
 use super::counts::{Counts, Visibility, visibility};
 use super::covariance::{Covariance, Variance};
 use super::cross_validation::residual_without;
+use super::outliers::{Outlier, outliers};
 use super::registration::{FreeEnds, registered};
 use super::residual::ChiSquareTest;
-use super::score::{Fit, Outlier, outliers, score};
+use super::score::{Fit, score};
 use super::uncertainty::LinkRoot;
 use crate::calibration::{Calibration, Coordinates, Postures, Sample, SetAside};
 use crate::measure::Weights;
@@ -173,14 +174,14 @@ pub fn identify_from(
     let variances =
         covariance.as_ref().map(|c| c.of_deviations(&c.of_links(&minimal, &at), drawn, &geometry));
     let (near_singular, other_mode) = singularities(&start, &geometry, samples);
-    Ok(Identification {
+    let mut found = Identification {
         fit: (score(&start, &start.nominal(), samples), score(&start, &geometry, samples)),
         nominal: visibility_at(&vec![0.0; at.len()]),
         deviations: geometry.deviations_from(&drawn.nominal()),
         rows: problem.rows(),
         near_singular,
         other_mode,
-        outliers: outliers(&start, &geometry, samples),
+        outliers: Vec::new(),
         set_aside: problem.set_aside().to_vec(),
         visibility: at_solution,
         start,
@@ -190,7 +191,9 @@ pub fn identify_from(
         report,
         trace,
         set_aside_at_start,
-    })
+    };
+    found.outliers = outliers(&found, samples);
+    Ok(found)
 }
 
 /// The drawing with its free ends, and what is unknown of the instrument, placed by the samples; `None` where these do
@@ -263,6 +266,9 @@ impl Identification {
             for (joint, frame) in limb.joints.iter_mut().zip(self.geometry.home_frames(i)) {
                 joint.frame = frame;
             }
+        }
+        for (constant, value) in machine.instrument.iter_mut().zip(&self.geometry.instrument) {
+            constant.nominal = *value;
         }
         machine
     }

@@ -3,12 +3,7 @@
 use crate::calibration::{Postures, Sample, SetAside};
 use crate::measure::{Errors, Evaluation};
 use crate::model::{Geometry, Mechanism};
-use crate::statistics::median;
 use rayon::prelude::*;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
-
-/// Probability with which any posture at all is called an outlier where there is none.
-pub const FALSE_ALARM: f64 = 0.01;
 
 /// Size of a set of errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,54 +55,6 @@ struct Scored {
     square: f64,
     rows: usize,
     weight: f64,
-}
-
-/// A posture whose prediction stands out.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Outlier {
-    /// The sample.
-    pub name: String,
-    /// Root mean square of its whitened residuals.
-    pub weighted_rms: f64,
-    /// Probability that noise alone makes a residual as large as this.
-    pub probability: f64,
-}
-
-/// Part of the worst residual below which a posture counts as dragged along by worse ones.
-const DRAGGED: f64 = 0.2;
-
-/// Postures whose residual noise does not explain, worst first: chi-square tests of each posture, corrected for their
-/// number (Holm, *Scand. J. Statistics* 6, 1979), at [`FALSE_ALARM`] for all of them together.
-///
-/// Where the median posture is worse than the stated noise makes it, its excess counts as noise: a model that misses
-/// everywhere by a little has no outliers. A gross error drags its neighbours along: what is small beside the worst is not
-/// listed before that is mended.
-pub fn outliers(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Vec<Outlier> {
-    let mut tested: Vec<(Outlier, ChiSquared)> = samples
-        .par_iter()
-        .filter_map(|sample| {
-            let fit = score(mechanism, geometry, std::slice::from_ref(sample))?;
-            let name = sample.name.clone();
-            let outlier = Outlier { name, weighted_rms: fit.weighted_rms, probability: 1.0 };
-            Some((outlier, ChiSquared::new(sample.measurement.rows() as f64).ok()?))
-        })
-        .collect();
-    let square = |outlier: &Outlier, law: &ChiSquared| outlier.weighted_rms.powi(2) * law.freedom();
-    let excess = tested.iter().map(|(outlier, law)| square(outlier, law) / law.inverse_cdf(0.5));
-    let noise = median(excess).map_or(1.0, |median| median.max(1.0));
-    for (outlier, law) in &mut tested {
-        outlier.probability = law.sf(square(outlier, law) / noise);
-    }
-    tested.sort_by(|(a, _), (b, _)| {
-        let worst = b.weighted_rms.total_cmp(&a.weighted_rms);
-        a.probability.total_cmp(&b.probability).then(worst).then_with(|| a.name.cmp(&b.name))
-    });
-    let count = tested.len();
-    let significant = |k: usize, p: f64| p <= FALSE_ALARM / (count - k) as f64;
-    let worst = tested.iter().map(|(outlier, _)| outlier.weighted_rms).fold(0.0, f64::max);
-    let found = tested.into_iter().map(|(outlier, _)| outlier).enumerate();
-    let found = found.take_while(|(k, outlier)| significant(*k, outlier.probability));
-    found.map(|(_, outlier)| outlier).filter(|outlier| outlier.weighted_rms >= DRAGGED * worst).collect()
 }
 
 /// The samples whose loops do not close with the geometry, and why: those that [`score`] leaves out.

@@ -1,14 +1,12 @@
 //! Uncertainty of predicted poses over a workspace, in one number for position and one for rotation.
 
-use crate::calibration::{Calibration, Sample};
+use super::twists::twists_by_links;
+use crate::lie::Se3;
 use crate::linalg;
-use crate::measure::Pose;
 use crate::model::{Mechanism, Posture};
-use crate::problem::{EvalError, Form, Problem};
+use crate::problem::{EvalError, Form};
 use crate::simulate::close;
 use faer::Mat;
-use nalgebra::Matrix6;
-use std::sync::Arc;
 
 /// What the uncertainty of the links makes of a predicted pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,30 +34,18 @@ pub fn pose_spreads(
             postures.push((actuators, posture));
         }
     }
-    let mut samples = Vec::with_capacity(postures.len());
-    for (actuators, posture) in &postures {
-        let unit = Pose::new(posture.tool(), [true; 6], &Matrix6::identity());
-        let unit = unit.map_err(|why| EvalError(why.to_string()))?;
-        samples.push(Sample {
-            name: String::new(),
-            actuators: actuators.to_vec(),
-            measurement: Arc::new(unit),
-        });
-    }
-    let problem = Calibration::new(mechanism, &samples, Form::Minimal, at);
-    let jac = problem.linearize(&problem.coordinates().nearest(at))?.jac;
-    let aside: Vec<usize> = problem.set_aside().iter().map(|s| s.sample).collect();
-    let kept = samples.iter().zip(&postures).enumerate().filter(|(k, _)| !aside.contains(k));
-    let mut spreads = Vec::with_capacity(samples.len());
-    for (block, (_, (_, (_, posture)))) in kept.enumerate() {
+    let known: Vec<(&[f64], Se3)> =
+        postures.iter().map(|(q, posture)| (q.as_slice(), posture.tool())).collect();
+    let jac = twists_by_links(mechanism, &known, Form::Minimal, at)?;
+    let spread = |(k, (_, posture)): (usize, &(&Vec<f64>, Posture))| {
         let part = |first: usize| {
             let rows = (first..first + 3).map(|i| {
-                let row: Vec<f64> = jac.row(6 * block + i).iter().copied().collect();
+                let row: Vec<f64> = jac.row(6 * k + i).iter().copied().collect();
                 linalg::norm(&linalg::mul_transpose(root.as_ref(), &row))
             });
             linalg::norm(&rows.collect::<Vec<_>>())
         };
-        spreads.push(PoseSpread { tool: posture.tool().p, rotation: part(0), position: part(3) });
-    }
-    Ok(spreads)
+        PoseSpread { tool: posture.tool().p, rotation: part(0), position: part(3) }
+    };
+    Ok(postures.iter().enumerate().map(spread).collect())
 }

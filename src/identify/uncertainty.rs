@@ -1,14 +1,12 @@
 //! Uncertainty of predicted poses, from that of the links (docs/theory.md (10.3)).
 
-use crate::calibration::{Calibration, Sample};
+use super::twists::twists_by_links;
 use crate::linalg;
-use crate::measure::Pose;
-use crate::model::{Mechanism, NotClosed, Posture, Prior, Tolerance};
-use crate::problem::{Form, Problem};
+use crate::model::{Mechanism, Posture, Prior, Tolerance};
+use crate::problem::{EvalError, Form};
 use faer::Mat;
 use nalgebra::Matrix6;
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// Square root of the covariance of a machine's links.
 #[derive(Clone, Debug)]
@@ -41,24 +39,16 @@ pub fn pose_covariances(
     machine: &Mechanism,
     postures: &[(Vec<f64>, Posture)],
     links: &LinkRoot,
-) -> Result<Vec<PoseCovariance>, NotClosed> {
+) -> Result<Vec<PoseCovariance>, EvalError> {
     // Unit tolerances, so that coordinates are the components of the links in rad and m, none of them held.
     let mut unit = machine.clone();
     unit.instrument.clear();
     for link in unit.limbs.iter_mut().flat_map(|limb| &mut limb.links) {
         link.tolerance = Tolerance { angle: Prior::Sigma(1.0), length: Prior::Sigma(1.0) };
     }
+    let zero = vec![0.0; unit.component_count()];
     let one = |(actuators, posture): &(Vec<f64>, Posture)| {
-        let pose = Pose::new(posture.tool(), [true; 6], &Matrix6::identity());
-        let measurement = Arc::new(pose.map_err(|_| NotClosed::NotFinite)?);
-        let sample = Sample { name: String::new(), actuators: actuators.clone(), measurement };
-        let samples = [sample];
-        let problem = Calibration::new(&unit, &samples, Form::Complete, &vec![0.0; unit.component_count()]);
-        if let Some(aside) = problem.set_aside().first() {
-            return Err(aside.reason.clone());
-        }
-        let zero = vec![0.0; problem.params().len()];
-        let by_links = problem.linearize(&zero).map_err(|_| NotClosed::NotFinite)?.jac;
+        let by_links = twists_by_links(&unit, &[(actuators, posture.tool())], Form::Complete, &zero)?;
         Ok(covariance(&(by_links * &links.root), &links.prior_share))
     };
     postures.par_iter().map(one).collect()

@@ -98,6 +98,12 @@ impl Pose {
     pub fn new(measured: Se3, seen: [bool; 6], covariance: &Matrix6<f64>) -> Result<Self, NotPositive> {
         Ok(Self { measured, seen, weighting: Weighting::whitening(covariance, seen)? })
     }
+
+    /// A whole pose of which only the components in `weighed` have a part in residuals: what is known to be compared
+    /// with, where an instrument does not measure all of it.
+    pub fn known(measured: Se3, weighed: [bool; 6], covariance: &Matrix6<f64>) -> Result<Self, NotPositive> {
+        Ok(Self { measured, seen: [true; 6], weighting: Weighting::whitening(covariance, weighed)? })
+    }
 }
 
 impl Measurement for Pose {

@@ -112,7 +112,7 @@ pub fn simulate_sets_truth(
 
 /// Leads the machine from a posture to where the residual is `aim` (standard deviations), by the shortest way in parts
 /// of the actuators' ranges; `None` where that is outside them.
-fn touch(
+pub fn touch(
     mechanism: &Mechanism,
     geometry: &Geometry,
     blank: &dyn Measurement,
