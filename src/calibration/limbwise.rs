@@ -17,8 +17,8 @@ use nalgebra::Matrix6;
 use std::sync::{Mutex, PoisonError};
 
 /// Passive joint step (rad, machine sizes) below which the limb is at the pose: the residual depends on it by
-/// second order only, 1e-10.
-const AT_POSE: f64 = 1e-5;
+/// second order only, 1e-12.
+const AT_POSE: f64 = 1e-6;
 const MAX_ITERATIONS: usize = 30;
 
 /// A whole measured pose.

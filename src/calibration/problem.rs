@@ -132,7 +132,7 @@ impl<'a> Calibration<'a> {
         let mut postures = self.home.clone();
         let mut evaluation = Evaluation::default();
         for Start { sample, turns, second } in starts {
-            let open = |why: NotClosed| EvalError(format!("{}: {why}", sample.name));
+            let open = |why: NotClosed| EvalError(format!("{}: {}", sample.name, why.unitless()));
             postures.first.set_turns(turns);
             postures.first.close(self.mechanism, geometry).map_err(open)?;
             if sample.measurement.second().is_some() {

@@ -21,7 +21,8 @@ const KEPT: usize = 16;
 const AS_GOOD: f64 = 1.5;
 /// The same among those that have numbers to fit with.
 const AS_CLOSE: f64 = 1.2;
-/// Factor by which a fit must be better than a plain mistake to be believed in its place.
+/// Factor by which a fit must be better than a plain mistake to be believed in its place, for each set of numbers that it
+/// finds.
 const MUCH_BETTER: f64 = 3.0;
 /// Part of the misfit that a correction leaves at most.
 const LEFT: f64 = 0.8;
@@ -122,7 +123,11 @@ impl Search<'_> {
             good.min_by_key(|h| h.made.iter().map(|i| i * i).sum::<usize>())
         };
         match (pick(0, AS_GOOD), pick(1, AS_CLOSE).or_else(|| pick(2, AS_CLOSE))) {
-            (Some(plain), Some(fit)) if plain.misfit > MUCH_BETTER * fit.misfit => Some(fit),
+            (Some(plain), Some(fit))
+                if plain.misfit > MUCH_BETTER.powi(self.fitted(&fit.made) as i32) * fit.misfit =>
+            {
+                Some(fit)
+            }
             (plain, fit) => plain.or(fit),
         }
     }

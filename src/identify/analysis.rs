@@ -87,7 +87,7 @@ impl Analysis {
 pub fn analyze(mechanism: &Mechanism, samples: &[Sample], at: &[f64]) -> Result<Analysis, EvalError> {
     let (expected, set_aside) = expected(mechanism, samples, at);
     if let (true, Some(first)) = (expected.is_empty(), set_aside.first()) {
-        return Err(EvalError(format!("no posture closes; {}: {}", first.name, first.reason)));
+        return Err(EvalError(format!("no posture closes; {}: {}", first.name, first.reason.unitless())));
     }
     let seen = visibility_of(mechanism, &expected, at)?;
     let (unseen, weak) = directions(mechanism, &expected, at, &seen)?;

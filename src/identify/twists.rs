@@ -28,7 +28,7 @@ pub fn twists_by_links(
     let samples = postures.iter().enumerate().map(sample).collect::<Result<Vec<_>, EvalError>>()?;
     let problem = Calibration::new(mechanism, &samples, form, at);
     if let Some(aside) = problem.set_aside().first() {
-        return Err(EvalError(format!("{}: {}", aside.name, aside.reason)));
+        return Err(EvalError(format!("{}: {}", aside.name, aside.reason.unitless())));
     }
     Ok(problem.linearize(&problem.coordinates().nearest(at))?.jac)
 }

@@ -49,6 +49,16 @@ pub enum NotClosed {
     NotFinite,
 }
 
+impl NotClosed {
+    /// The reason without angles and lengths, for messages that know no units.
+    pub fn unitless(&self) -> String {
+        match self {
+            Self::Apart { iterations, .. } => format!("the limbs do not meet ({iterations} Newton steps)"),
+            other => other.to_string(),
+        }
+    }
+}
+
 impl Posture {
     /// Closes the loops from the joint variables as set, actuated joints held.
     pub fn close(&mut self, mechanism: &Mechanism, geometry: &Geometry) -> Result<(), NotClosed> {
