@@ -17,7 +17,9 @@ pub struct Anchored<'p> {
 }
 
 /// Most splits: each after a run under the one before.
-const SPLITS: usize = 4;
+const SPLITS: usize = 12;
+/// Way, in tolerances, that the solution would still go under the prior's weights at its end, which is no way.
+const SETTLED: f64 = 1e-8;
 
 impl<'p> Anchored<'p> {
     /// A ridge: every coordinate anchored with `weight` (dimensionless: x counts in tolerances, r in standard
@@ -46,6 +48,18 @@ impl<'p> Anchored<'p> {
             rows: Mat::from_fn(weak.len(), n, |i, j| weak[i].1 * svd.v[(j, weak[i].0)]),
             kept: sizes.iter().filter(|s| **s > 1.0).count(),
         })
+    }
+
+    /// How far the solution `x` under the anchors `before` moves, to first order, under these, which are those at
+    /// `here`; `None` where singular values cannot be had.
+    fn shift(&self, before: &Self, here: &Compressed, x: &[f64]) -> Option<f64> {
+        let pull = |anchored: &Self| {
+            linalg::mul_transpose(anchored.rows.as_ref(), &linalg::mul(anchored.rows.as_ref(), x))
+        };
+        let difference: Vec<f64> = pull(self).iter().zip(pull(before)).map(|(a, b)| a - b).collect();
+        let svd = linalg::svd(faer::concat![[here.jac], [self.rows]].as_ref())?;
+        let along = linalg::mul_transpose(svd.v.as_ref(), &difference);
+        Some(along.iter().zip(&svd.s).map(|(a, s)| (a / (s * s)).powi(2)).sum::<f64>().sqrt())
     }
 
     fn extend(&self, jac: &Mat<f64>, r: Vec<f64>, x: &[f64]) -> (Mat<f64>, Vec<f64>) {
@@ -98,8 +112,8 @@ impl Problem for Anchored<'_> {
     }
 }
 
-/// Runs an identifier on `problem` with anchors, and again with new ones until their number repeats; on the plain
-/// problem where there is no prior. The report's cost is that of the data.
+/// Runs an identifier on `problem` with anchors, and again with those at its end until they no longer move it; on the
+/// plain problem where there is no prior. The report's cost is that of the data.
 pub fn settle(
     problem: &dyn Problem,
     start: &[f64],
@@ -111,7 +125,7 @@ pub fn settle(
     if !problem.has_prior() {
         return run(problem, start, stop);
     }
-    let mut kept = None;
+    let mut last: Option<Anchored> = None;
     for _ in 0..SPLITS {
         let here = match problem.compress(&report.x) {
             Ok(here) => here,
@@ -120,10 +134,10 @@ pub fn settle(
         let Some(anchored) = Anchored::at(problem, &here, threshold) else {
             return report.fail(Failure::Start("the Jacobian is not finite".into()));
         };
-        if kept == Some(anchored.kept) {
+        let shift = last.as_ref().and_then(|before| anchored.shift(before, &here, &report.x));
+        if shift.is_some_and(|shift| shift <= SETTLED) {
             break;
         }
-        kept = Some(anchored.kept);
         let left = Stop { iterations: stop.iterations.saturating_sub(report.trace.len()), ..*stop };
         let mut next = run(&anchored, &report.x, &left);
         next.trace.splice(..0, report.trace);
@@ -132,6 +146,7 @@ pub fn settle(
         if !report.outcome.converged() {
             break;
         }
+        last = Some(anchored);
     }
     report
 }

@@ -81,11 +81,17 @@ impl Descent<'_> {
         self.measure(&mut point);
         for _ in 0..self.stop.iterations {
             if let Some(criterion) = self.stationary(&point) {
+                if self.rescale(&mut point) {
+                    continue;
+                }
                 report.outcome = Outcome::Converged(criterion);
                 break;
             }
             match self.search(&mut point) {
                 Trial::Ended(outcome) => {
+                    if outcome.converged() && self.rescale(&mut point) {
+                        continue;
+                    }
                     report.outcome = outcome;
                     break;
                 }
@@ -100,7 +106,10 @@ impl Descent<'_> {
                     point.influence = step.influence;
                     let relaxed = self.retune(&mut point);
                     self.measure(&mut point);
-                    if !relaxed && let Some(criterion) = ended(tiny, flat) {
+                    if !relaxed
+                        && let Some(criterion) = ended(tiny, flat)
+                        && !self.rescale(&mut point)
+                    {
                         report.outcome = Outcome::Converged(criterion);
                         break;
                     }
@@ -143,12 +152,27 @@ impl Descent<'_> {
     fn retune(&self, point: &mut Point) -> bool {
         let next = self.loss.at_scale(&point.here.r);
         let (now, then) = (point.loss.merit(&point.here.r), next.merit(&point.here.r));
-        // An eased loss only tightens: the merit of a run may not swing.
+        // On the way an eased loss only tightens: the merit may not swing.
         if then < now * (1.0 - FLAT) {
             point.loss = next;
             return true;
         }
         false
+    }
+
+    /// At the end of a run with an eased loss, the loss that belongs to the residual there, tighter or not; whether
+    /// it is another one. Where the data never come to the loss asked for, the solution is the point whose own
+    /// residual eases it to the loss that the point minimises.
+    fn rescale(&self, point: &mut Point) -> bool {
+        let next = self.loss.at_scale(&point.here.r);
+        let (now, then) = (point.loss.merit(&point.here.r), next.merit(&point.here.r));
+        if (then - now).abs() <= FLAT * now {
+            return false;
+        }
+        point.loss = next;
+        point.influence = None;
+        point.radius = None;
+        true
     }
 
     fn stationarity(&self, point: &Point, at: &Here) -> Stationarity {
