@@ -13,13 +13,16 @@ pub struct Anchored<'p> {
     inner: &'p dyn Problem,
     /// `A'`, one row a direction.
     rows: Mat<f64>,
-    kept: usize,
+    /// Principal directions of the Jacobian where the anchors were laid, by columns, and the curvature along each,
+    /// anchors included; none of a ridge.
+    directions: Mat<f64>,
+    curvature: Vec<f64>,
 }
 
 /// Most splits: each after a run under the one before.
 const SPLITS: usize = 12;
-/// Way, in tolerances, that the solution would still go under the prior's weights at its end, which is no way.
-const SETTLED: f64 = 1e-8;
+/// How far, in tolerances, a solution may still move under the prior's weights at its end.
+pub const SETTLED: f64 = 1e-8;
 
 impl<'p> Anchored<'p> {
     /// A ridge: every coordinate anchored with `weight` (dimensionless: x counts in tolerances, r in standard
@@ -27,7 +30,8 @@ impl<'p> Anchored<'p> {
     pub fn ridge(inner: &'p dyn Problem, weight: f64) -> Self {
         let n = inner.params().len();
         let root = weight.max(0.0).sqrt();
-        Self { inner, rows: Mat::from_fn(n, n, |i, j| if i == j { root } else { 0.0 }), kept: 0 }
+        let rows = Mat::from_fn(n, n, |i, j| if i == j { root } else { 0.0 });
+        Self { inner, rows, directions: Mat::zeros(n, 0), curvature: Vec::new() }
     }
 
     /// The columns of `A` are the directions whose singular value at `here` is low, in units of `threshold`, times
@@ -36,30 +40,25 @@ impl<'p> Anchored<'p> {
     pub fn at(inner: &'p dyn Problem, here: &Compressed, threshold: f64) -> Option<Self> {
         let svd = linalg::svd(here.jac.as_ref())?;
         let n = here.jac.ncols();
-        let sizes: Vec<f64> = (0..n).map(|i| svd.s.get(i).copied().unwrap_or(0.0) / threshold).collect();
-        let weak: Vec<(usize, f64)> = sizes
-            .iter()
-            .enumerate()
-            .map(|(i, s)| (i, prior_weight(*s).sqrt()))
-            .filter(|(_, w)| *w > 0.0)
-            .collect();
+        let sizes: Vec<f64> = (0..n).map(|i| svd.s.get(i).copied().unwrap_or(0.0)).collect();
+        let weights: Vec<f64> = sizes.iter().map(|s| prior_weight(s / threshold)).collect();
+        let weak: Vec<usize> = (0..n).filter(|&i| weights[i] > 0.0).collect();
         Some(Self {
             inner,
-            rows: Mat::from_fn(weak.len(), n, |i, j| weak[i].1 * svd.v[(j, weak[i].0)]),
-            kept: sizes.iter().filter(|s| **s > 1.0).count(),
+            rows: Mat::from_fn(weak.len(), n, |i, j| weights[weak[i]].sqrt() * svd.v[(j, weak[i])]),
+            curvature: sizes.iter().zip(&weights).map(|(s, w)| s * s + w).collect(),
+            directions: svd.v,
         })
     }
 
-    /// How far the solution `x` under the anchors `before` moves, to first order, under these, which are those at
-    /// `here`; `None` where singular values cannot be had.
-    fn shift(&self, before: &Self, here: &Compressed, x: &[f64]) -> Option<f64> {
+    /// How far the solution `x` under the anchors `before` moves, to first order, under these, laid there.
+    fn shift(&self, before: &Self, x: &[f64]) -> f64 {
         let pull = |anchored: &Self| {
             linalg::mul_transpose(anchored.rows.as_ref(), &linalg::mul(anchored.rows.as_ref(), x))
         };
         let difference: Vec<f64> = pull(self).iter().zip(pull(before)).map(|(a, b)| a - b).collect();
-        let svd = linalg::svd(faer::concat![[here.jac], [self.rows]].as_ref())?;
-        let along = linalg::mul_transpose(svd.v.as_ref(), &difference);
-        Some(along.iter().zip(&svd.s).map(|(a, s)| (a / (s * s)).powi(2)).sum::<f64>().sqrt())
+        let along = linalg::mul_transpose(self.directions.as_ref(), &difference);
+        along.iter().zip(&self.curvature).map(|(a, c)| (a / c).powi(2)).sum::<f64>().sqrt()
     }
 
     fn extend(&self, jac: &Mat<f64>, r: Vec<f64>, x: &[f64]) -> (Mat<f64>, Vec<f64>) {
@@ -112,12 +111,13 @@ impl Problem for Anchored<'_> {
     }
 }
 
-/// Runs an identifier on `problem` with anchors, and again with those at its end until they no longer move it; on the
-/// plain problem where there is no prior. The report's cost is that of the data.
+/// Runs an identifier on `problem` with anchors, and again with those at its end until they would move it by no
+/// more than `settled` tolerances; on the plain problem where there is no prior. The report's cost is that of the data.
 pub fn settle(
     problem: &dyn Problem,
     start: &[f64],
     threshold: f64,
+    settled: f64,
     stop: &Stop,
     mut report: Report,
     run: impl Fn(&dyn Problem, &[f64], &Stop) -> Report,
@@ -134,8 +134,7 @@ pub fn settle(
         let Some(anchored) = Anchored::at(problem, &here, threshold) else {
             return report.fail(Failure::Start("the Jacobian is not finite".into()));
         };
-        let shift = last.as_ref().and_then(|before| anchored.shift(before, &here, &report.x));
-        if shift.is_some_and(|shift| shift <= SETTLED) {
+        if last.as_ref().is_some_and(|before| anchored.shift(before, &report.x) <= settled) {
             break;
         }
         let left = Stop { iterations: stop.iterations.saturating_sub(report.trace.len()), ..*stop };
