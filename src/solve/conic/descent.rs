@@ -126,7 +126,10 @@ impl Descent<'_> {
                         break;
                     }
                     if !self.loss.smooth() && stalled(&report.trace) {
-                        report.outcome = Outcome::Failed(Failure::Stalled(PROGRESS));
+                        report.outcome = match self.proved(&point) {
+                            true => Outcome::Converged(Criterion::Gap),
+                            false => Outcome::Failed(Failure::Stalled(PROGRESS)),
+                        };
                         break;
                     }
                 }

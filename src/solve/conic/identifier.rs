@@ -217,11 +217,19 @@ impl Identifier for Conic {
             }
             let report = Report { estimate: self.estimate(problem, &limits, 1.0), ..report };
             let settled = |loss: &dyn Loss, way: f64, report: Report| {
-                settle(problem, &report.x.clone(), THRESHOLD, way, stop, report.clone(), |problem, from, stop| {
-                    let penalty = Penalty::default();
-                    let report = Report { x: from.to_vec(), ..report.clone() };
-                    Descent { problem, loss, penalty, limits: &limits, stop }.run(from, report)
-                })
+                settle(
+                    problem,
+                    &report.x.clone(),
+                    THRESHOLD,
+                    way,
+                    stop,
+                    report.clone(),
+                    |problem, from, stop| {
+                        let penalty = Penalty::default();
+                        let report = Report { x: from.to_vec(), ..report.clone() };
+                        Descent { problem, loss, penalty, limits: &limits, stop }.run(from, report)
+                    },
+                )
             };
             if loss.smooth() {
                 return settled(loss.as_ref(), SETTLED, report);

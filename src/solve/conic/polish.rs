@@ -83,12 +83,14 @@ fn close(before: &[f64], u: &[f64]) -> bool {
 fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
     let (lower, upper) = (&model.limits.lower, &model.limits.upper);
     let mut held = vec![false; u.len()];
+    // Units are large where columns are small; what is small against the point itself is another matter.
+    let largest = u.iter().fold(0.0f64, |a, v| a.max(v.abs()));
     for i in 0..u.len() {
         let near = NEAR * unit[i];
         if upper[i] - u[i] <= near || u[i] - lower[i] <= near {
             u[i] = if upper[i] - u[i] <= u[i] - lower[i] { upper[i] } else { lower[i] };
             held[i] = true;
-        } else if model.penalty.lasso > 0.0 && u[i].abs() <= near {
+        } else if model.penalty.lasso > 0.0 && u[i].abs() <= near.min(NEAR * largest) {
             u[i] = 0.0;
             held[i] = true;
         }
@@ -98,8 +100,8 @@ fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
     let mut cone = vec![false; model.groups.len()];
     for (g, group) in model.groups.iter().enumerate() {
         let reach = group.length(u);
-        if model.penalty.group > 0.0 && reach <= NEAR_TIP * group.members.iter().map(size).fold(0.0, f64::max)
-        {
+        let near = NEAR_TIP * group.members.iter().map(size).fold(0.0, f64::max).min(largest);
+        if model.penalty.group > 0.0 && reach <= near {
             group.members.iter().for_each(|&i| u[i] = 0.0);
             zero[g] = true;
         }
@@ -290,7 +292,8 @@ fn release(model: &Model, here: &Here, set: &mut ActiveSet, u: &mut [f64]) -> bo
             }
         }
     }
-    freed |= model.penalty.group > 0.0 && tips::release(model, here, &gradient, &measure, SIGN, &mut set.zero, u);
+    freed |=
+        model.penalty.group > 0.0 && tips::release(model, here, &gradient, &measure, SIGN, &mut set.zero, u);
     for g in 0..model.groups.len() {
         if set.cone[g] && stationarity.cones.iter().any(|(index, m)| *index == g && *m == 0.0) {
             set.cone[g] = false;

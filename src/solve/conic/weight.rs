@@ -39,7 +39,8 @@ const DECADES: std::ops::RangeInclusive<i32> = -4..=4;
 
 /// The weight that `rule` chooses at `x`, and the curve it was chosen from; `with` is the model for a weight.
 ///
-/// Decades first, then the half decades beside the best of them: small weights free most coordinates and cost most.
+/// Decades first, from the largest down until two in a row predict worse than one before them or, for the discrepancy
+/// principle, one fits; then the half decades beside the best. Small weights free most coordinates and cost most.
 pub fn choose<'a>(
     rule: WeightRule,
     problem: &dyn Problem,
@@ -68,7 +69,11 @@ pub fn choose<'a>(
         let tried = attempt(10f64.powi(decade), &near)?;
         near.clone_from(&tried.1);
         curve.push(tried);
+        if enough(rule, &curve) {
+            break;
+        }
     }
+    let decades = curve.len();
     let points = |curve: &[(WeightPoint, Vec<Vec<f64>>)]| {
         let mut points: Vec<WeightPoint> = curve.iter().map(|(point, _)| *point).collect();
         points.sort_by(|a, b| a.weight.total_cmp(&b.weight));
@@ -78,7 +83,7 @@ pub fn choose<'a>(
     for half_decade in [0.5, -0.5] {
         let weight = coarse * 10f64.powf(half_decade);
         // The nearest larger weight that was tried.
-        let from = curve[..DECADES.count()].iter().rev().find(|(point, _)| point.weight > weight);
+        let from = curve[..decades].iter().rev().find(|(point, _)| point.weight > weight);
         if let Some((_, near)) = from
             && curve.iter().any(|(point, _)| point.weight < weight)
         {
@@ -88,6 +93,20 @@ pub fn choose<'a>(
     }
     let points = points(&curve);
     best(rule, &points).ok_or_else(|| "no weight was tried".into()).map(|weight| (weight, points))
+}
+
+/// Whether smaller weights than the last of a descending curve need not be tried: they fit the noise, or more than the
+/// noise asks.
+fn enough(rule: WeightRule, curve: &[(WeightPoint, Vec<Vec<f64>>)]) -> bool {
+    let scores: Vec<f64> = curve.iter().map(|(point, _)| point.score).collect();
+    match (rule, scores.as_slice()) {
+        (WeightRule::CrossValidation, [before @ .., a, b]) => {
+            let least = before.iter().copied().fold(f64::INFINITY, f64::min);
+            *a > least && *b > *a
+        }
+        (WeightRule::Discrepancy, [.., last]) => *last <= 1.0,
+        _ => false,
+    }
 }
 
 /// The weight that `rule` chooses from a curve of ascending weights; `None` of an empty one.
@@ -154,7 +173,8 @@ fn score(
         };
         Ok((cost, fit))
     };
-    let fits: Result<Vec<(f64, Vec<f64>)>, String> = parts.par_iter().zip(near.par_iter()).map(of_part).collect();
+    let fits: Result<Vec<(f64, Vec<f64>)>, String> =
+        parts.par_iter().zip(near.par_iter()).map(of_part).collect();
     let (costs, points): (Vec<f64>, Vec<Vec<f64>>) = fits?.into_iter().unzip();
     Ok((costs.iter().sum(), points))
 }
