@@ -1,7 +1,7 @@
 //! A problem with a prior is again a problem: rows of the prior below the residual.
 
 use super::identifier::Stop;
-use super::report::{Failure, Report};
+use super::report::{Failure, Outcome, Report};
 use super::split::prior_weight;
 use crate::linalg;
 use crate::problem::{Compressed, EvalError, Group, Linearized, Param, Problem, cost};
@@ -126,6 +126,7 @@ pub fn settle(
         return run(problem, start, stop);
     }
     let mut last: Option<Anchored> = None;
+    let mut shifted = f64::INFINITY;
     for _ in 0..SPLITS {
         let here = match problem.compress(&report.x) {
             Ok(here) => here,
@@ -134,11 +135,20 @@ pub fn settle(
         let Some(anchored) = Anchored::at(problem, &here, threshold) else {
             return report.fail(Failure::Start("the Jacobian is not finite".into()));
         };
-        if last.as_ref().is_some_and(|before| anchored.shift(before, &report.x) <= settled) {
-            break;
+        if let Some(before) = &last {
+            let shift = anchored.shift(before, &report.x);
+            // Along a flat valley the weights may swing instead of settling: another run would not end nearer.
+            if shift <= settled || shift > 0.5 * shifted {
+                break;
+            }
+            shifted = shift;
         }
         let left = Stop { iterations: stop.iterations.saturating_sub(report.trace.len()), ..*stop };
         let mut next = run(&anchored, &report.x, &left);
+        if last.is_some() && next.outcome == Outcome::OutOfIterations {
+            // The solution under the weights before is one; the limit only stopped their last corrections.
+            break;
+        }
         next.trace.splice(..0, report.trace);
         next.cost = problem.residual(&next.x).map_or(f64::INFINITY, |r| cost(&r));
         report = next;
