@@ -200,10 +200,11 @@ fn the_weight_can_be_chosen_and_the_curve_is_kept() {
     {
         let report = run(&problem, &with(identifier, &[("weight", rule)]));
         assert!(report.outcome.converged(), "{}", report.outcome);
-        assert_eq!(report.weights.len(), 17);
+        assert!((3..=11).contains(&report.weights.len()), "{:?}", report.weights);
+        assert!(report.weights.is_sorted_by(|a, b| a.weight < b.weight));
         println!("{:?}", report.weights);
         let first = report.weights[0].score;
-        let last = report.weights[16].score;
+        let last = report.weights.last().expect("a curve").score;
         assert!(last > 1.05 * first, "a weight of 1e4 must hurt: {first} to {last}");
     }
 }

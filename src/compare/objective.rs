@@ -68,7 +68,9 @@ impl Seen {
         if let Some(threshold) = objective.threshold {
             let svd = linalg::svd(lin.jac.as_ref())?;
             let root = |k: usize| prior_weight(svd.s.get(k).copied().unwrap_or(0.0) / threshold).sqrt();
-            let rows = Mat::from_fn(x.len(), x.len(), |k, j| root(k) * svd.v[(j, k)]);
+            // Directions without a prior have no row: a row of zeros would count in the spread of the residual.
+            let weak: Vec<usize> = (0..x.len()).filter(|&k| root(k) > 0.0).collect();
+            let rows = Mat::from_fn(weak.len(), x.len(), |i, j| root(weak[i]) * svd.v[(j, weak[i])]);
             lin.r.extend(linalg::mul(rows.as_ref(), &x));
             lin.jac = faer::concat![[lin.jac], [rows]];
         }

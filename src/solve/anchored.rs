@@ -1,7 +1,7 @@
 //! A problem with a prior is again a problem: rows of the prior below the residual.
 
 use super::identifier::Stop;
-use super::report::{Failure, Report};
+use super::report::{Failure, Outcome, Report};
 use super::split::prior_weight;
 use crate::linalg;
 use crate::problem::{Compressed, EvalError, Group, Linearized, Param, Problem, cost};
@@ -13,11 +13,16 @@ pub struct Anchored<'p> {
     inner: &'p dyn Problem,
     /// `A'`, one row a direction.
     rows: Mat<f64>,
-    kept: usize,
+    /// Principal directions of the Jacobian where the anchors were laid, by columns, and the curvature along each,
+    /// anchors included; none of a ridge.
+    directions: Mat<f64>,
+    curvature: Vec<f64>,
 }
 
 /// Most splits: each after a run under the one before.
-const SPLITS: usize = 4;
+const SPLITS: usize = 12;
+/// How far, in tolerances, a solution may still move under the prior's weights at its end.
+pub const SETTLED: f64 = 1e-8;
 
 impl<'p> Anchored<'p> {
     /// A ridge: every coordinate anchored with `weight` (dimensionless: x counts in tolerances, r in standard
@@ -25,7 +30,8 @@ impl<'p> Anchored<'p> {
     pub fn ridge(inner: &'p dyn Problem, weight: f64) -> Self {
         let n = inner.params().len();
         let root = weight.max(0.0).sqrt();
-        Self { inner, rows: Mat::from_fn(n, n, |i, j| if i == j { root } else { 0.0 }), kept: 0 }
+        let rows = Mat::from_fn(n, n, |i, j| if i == j { root } else { 0.0 });
+        Self { inner, rows, directions: Mat::zeros(n, 0), curvature: Vec::new() }
     }
 
     /// The columns of `A` are the directions whose singular value at `here` is low, in units of `threshold`, times
@@ -34,18 +40,25 @@ impl<'p> Anchored<'p> {
     pub fn at(inner: &'p dyn Problem, here: &Compressed, threshold: f64) -> Option<Self> {
         let svd = linalg::svd(here.jac.as_ref())?;
         let n = here.jac.ncols();
-        let sizes: Vec<f64> = (0..n).map(|i| svd.s.get(i).copied().unwrap_or(0.0) / threshold).collect();
-        let weak: Vec<(usize, f64)> = sizes
-            .iter()
-            .enumerate()
-            .map(|(i, s)| (i, prior_weight(*s).sqrt()))
-            .filter(|(_, w)| *w > 0.0)
-            .collect();
+        let sizes: Vec<f64> = (0..n).map(|i| svd.s.get(i).copied().unwrap_or(0.0)).collect();
+        let weights: Vec<f64> = sizes.iter().map(|s| prior_weight(s / threshold)).collect();
+        let weak: Vec<usize> = (0..n).filter(|&i| weights[i] > 0.0).collect();
         Some(Self {
             inner,
-            rows: Mat::from_fn(weak.len(), n, |i, j| weak[i].1 * svd.v[(j, weak[i].0)]),
-            kept: sizes.iter().filter(|s| **s > 1.0).count(),
+            rows: Mat::from_fn(weak.len(), n, |i, j| weights[weak[i]].sqrt() * svd.v[(j, weak[i])]),
+            curvature: sizes.iter().zip(&weights).map(|(s, w)| s * s + w).collect(),
+            directions: svd.v,
         })
+    }
+
+    /// How far the solution `x` under the anchors `before` moves, to first order, under these, laid there.
+    fn shift(&self, before: &Self, x: &[f64]) -> f64 {
+        let pull = |anchored: &Self| {
+            linalg::mul_transpose(anchored.rows.as_ref(), &linalg::mul(anchored.rows.as_ref(), x))
+        };
+        let difference: Vec<f64> = pull(self).iter().zip(pull(before)).map(|(a, b)| a - b).collect();
+        let along = linalg::mul_transpose(self.directions.as_ref(), &difference);
+        along.iter().zip(&self.curvature).map(|(a, c)| (a / c).powi(2)).sum::<f64>().sqrt()
     }
 
     fn extend(&self, jac: &Mat<f64>, r: Vec<f64>, x: &[f64]) -> (Mat<f64>, Vec<f64>) {
@@ -98,12 +111,13 @@ impl Problem for Anchored<'_> {
     }
 }
 
-/// Runs an identifier on `problem` with anchors, and again with new ones until their number repeats; on the plain
-/// problem where there is no prior. The report's cost is that of the data.
+/// Runs an identifier on `problem` with anchors, and again with those at its end until they would move it by no
+/// more than `settled` tolerances; on the plain problem where there is no prior. The report's cost is that of the data.
 pub fn settle(
     problem: &dyn Problem,
     start: &[f64],
     threshold: f64,
+    settled: f64,
     stop: &Stop,
     mut report: Report,
     run: impl Fn(&dyn Problem, &[f64], &Stop) -> Report,
@@ -111,7 +125,8 @@ pub fn settle(
     if !problem.has_prior() {
         return run(problem, start, stop);
     }
-    let mut kept = None;
+    let mut last: Option<Anchored> = None;
+    let mut shifted = f64::INFINITY;
     for _ in 0..SPLITS {
         let here = match problem.compress(&report.x) {
             Ok(here) => here,
@@ -120,18 +135,27 @@ pub fn settle(
         let Some(anchored) = Anchored::at(problem, &here, threshold) else {
             return report.fail(Failure::Start("the Jacobian is not finite".into()));
         };
-        if kept == Some(anchored.kept) {
-            break;
+        if let Some(before) = &last {
+            let shift = anchored.shift(before, &report.x);
+            // Along a flat valley the weights may swing instead of settling: another run would not end nearer.
+            if shift <= settled || shift > 0.5 * shifted {
+                break;
+            }
+            shifted = shift;
         }
-        kept = Some(anchored.kept);
         let left = Stop { iterations: stop.iterations.saturating_sub(report.trace.len()), ..*stop };
         let mut next = run(&anchored, &report.x, &left);
+        if last.is_some() && next.outcome == Outcome::OutOfIterations {
+            // The solution under the weights before is one; the limit only stopped their last corrections.
+            break;
+        }
         next.trace.splice(..0, report.trace);
         next.cost = problem.residual(&next.x).map_or(f64::INFINITY, |r| cost(&r));
         report = next;
         if !report.outcome.converged() {
             break;
         }
+        last = Some(anchored);
     }
     report
 }

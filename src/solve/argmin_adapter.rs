@@ -1,6 +1,6 @@
 //! Between a [`Problem`] and argmin's own methods: cost, gradient and `J'J` on one side, stopping on the other.
 
-use super::anchored::settle;
+use super::anchored::{SETTLED, settle};
 use super::damped::gradient_cosine;
 use super::identifier::Stop;
 use super::report::{Criterion, Failure, Iterate, Outcome, Report};
@@ -210,7 +210,7 @@ where
     IterState<Vec<f64>, Vec<f64>, (), H, (), f64>: State<Param = Vec<f64>, Float = f64>,
 {
     let report = Report::new(name, start, settings::estimate(problem, THRESHOLD));
-    settle(problem, start, THRESHOLD, stop, report.clone(), |problem, from, stop| {
+    settle(problem, start, THRESHOLD, SETTLED, stop, report.clone(), |problem, from, stop| {
         let report = Report { x: from.to_vec(), ..report.clone() };
         match method(from) {
             Ok(method) => run_once(report, problem, from, stop, wall, method),

@@ -1,6 +1,6 @@
 //! `argmin-lm`: Levenberg-Marquardt under argmin's executor.
 
-use super::anchored::settle;
+use super::anchored::{SETTLED, settle};
 use super::identifier::{Identifier, SettingError, Stop};
 use super::levenberg::minimise;
 use super::report::Report;
@@ -49,7 +49,7 @@ impl Identifier for ArgminLm {
     fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
         let estimate = settings::estimate(problem, self.threshold);
         let report = Report::new(self.name(), start, estimate);
-        settle(problem, start, self.threshold, stop, report, |problem, from, stop| {
+        settle(problem, start, self.threshold, SETTLED, stop, report, |problem, from, stop| {
             let found = minimise(problem, from, stop);
             Report {
                 x: found.x,

@@ -13,6 +13,8 @@ pub enum Criterion {
     Cost,
     /// The cost is zero to rounding.
     Zero,
+    /// Weak duality proves that, to first order, no point within a tolerance costs less by more than a thousandth.
+    Gap,
 }
 
 /// Why an identifier gave up.
@@ -61,6 +63,9 @@ impl std::fmt::Display for Outcome {
             Outcome::Converged(Criterion::Step) => write!(f, "converged: step below tolerance"),
             Outcome::Converged(Criterion::Cost) => write!(f, "converged: cost reduction below tolerance"),
             Outcome::Converged(Criterion::Zero) => write!(f, "converged: residual is zero to rounding"),
+            Outcome::Converged(Criterion::Gap) => {
+                write!(f, "converged: nothing within a tolerance is better by more than 1e-3, to first order")
+            }
             Outcome::OutOfIterations => write!(f, "iteration limit reached"),
             Outcome::Failed(Failure::Start(why)) => write!(f, "the start cannot be evaluated: {why}"),
             Outcome::Failed(Failure::Evaluation(why)) => {

@@ -3,6 +3,7 @@
 use super::here::{Here, Quadratic, complement};
 use super::loss::{Frame, Loss};
 use super::program::{Owner, Program, Solution};
+use crate::linalg;
 
 /// `max |r_i|`.
 #[derive(Clone, Copy, Debug)]
@@ -82,12 +83,22 @@ impl Loss for Chebyshev {
         None
     }
 
+    /// `weights . r`: no more than `max |r|` while the weights' magnitudes add up to at most one.
+    fn supported(&self, r: &[f64], weights: &[f64]) -> Option<f64> {
+        Some(linalg::dot(weights, r))
+    }
+
     fn dual_influence(&self, here: &Here, working: &[usize], solution: &Solution) -> Option<Vec<f64>> {
         let size = self.merit(&here.r).max(f64::MIN_POSITIVE);
         let mut blame = vec![0.0; here.r.len()];
         for (&index, dual) in working.iter().zip(&solution.z) {
             let (row, sign) = side(index);
             blame[row] += sign * dual / size;
+        }
+        // They add up to one but for the solver's rounding; more would be no bound.
+        let sum: f64 = blame.iter().map(|v| v.abs()).sum();
+        if sum > 1.0 {
+            blame.iter_mut().for_each(|v| *v /= sum);
         }
         Some(blame)
     }

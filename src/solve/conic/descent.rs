@@ -30,6 +30,13 @@ const SPAN: usize = 5;
 /// See [`SPAN`].
 const PROGRESS: f64 = 1e-3;
 
+/// Distance in tolerances within which a loss without derivative must have nothing better by [`PROGRESS`] of it.
+const REACH: f64 = 1.0;
+/// First radius, in [`REACH`], of a loss without derivative.
+const FIRST: f64 = 2.0;
+/// Share of [`REACH`] that counts as a short step.
+const SHORT: f64 = 0.3;
+
 /// A run: what is minimised within what.
 pub struct Descent<'a> {
     /// The problem.
@@ -74,18 +81,25 @@ impl Descent<'_> {
             loss: self.loss.at_scale(&here.r),
             first_influence: norm(&self.loss.influence(&here.r)),
             metric: Vec::new(),
-            radius: None,
+            // Without one the first linear program goes to a vertex that is far beyond where it holds.
+            radius: (!self.loss.smooth() && self.problem.has_prior()).then_some(FIRST * REACH),
             influence: None,
             here,
         };
         self.measure(&mut point);
         for _ in 0..self.stop.iterations {
             if let Some(criterion) = self.stationary(&point) {
+                if self.rescale(&mut point) {
+                    continue;
+                }
                 report.outcome = Outcome::Converged(criterion);
                 break;
             }
             match self.search(&mut point) {
                 Trial::Ended(outcome) => {
+                    if outcome.converged() && self.rescale(&mut point) {
+                        continue;
+                    }
                     report.outcome = outcome;
                     break;
                 }
@@ -100,12 +114,22 @@ impl Descent<'_> {
                     point.influence = step.influence;
                     let relaxed = self.retune(&mut point);
                     self.measure(&mut point);
-                    if !relaxed && let Some(criterion) = ended(tiny, flat) {
+                    if !relaxed
+                        && let Some(criterion) = ended(tiny, flat)
+                        && !self.rescale(&mut point)
+                    {
                         report.outcome = Outcome::Converged(criterion);
                         break;
                     }
+                    if norm(&moved) <= SHORT * REACH && self.proved(&point) {
+                        report.outcome = Outcome::Converged(Criterion::Gap);
+                        break;
+                    }
                     if !self.loss.smooth() && stalled(&report.trace) {
-                        report.outcome = Outcome::Failed(Failure::Stalled(PROGRESS));
+                        report.outcome = match self.proved(&point) {
+                            true => Outcome::Converged(Criterion::Gap),
+                            false => Outcome::Failed(Failure::Stalled(PROGRESS)),
+                        };
                         break;
                     }
                 }
@@ -143,12 +167,27 @@ impl Descent<'_> {
     fn retune(&self, point: &mut Point) -> bool {
         let next = self.loss.at_scale(&point.here.r);
         let (now, then) = (point.loss.merit(&point.here.r), next.merit(&point.here.r));
-        // An eased loss only tightens: the merit of a run may not swing.
+        // On the way an eased loss only tightens: the merit may not swing.
         if then < now * (1.0 - FLAT) {
             point.loss = next;
             return true;
         }
         false
+    }
+
+    /// At the end of a run with an eased loss, the loss that belongs to the residual there, tighter or not; whether
+    /// it is another one. Where the data never come to the loss asked for, the solution is the point whose own
+    /// residual eases it to the loss that the point minimises.
+    fn rescale(&self, point: &mut Point) -> bool {
+        let next = self.loss.at_scale(&point.here.r);
+        let (now, then) = (point.loss.merit(&point.here.r), next.merit(&point.here.r));
+        if (then - now).abs() <= FLAT * now {
+            return false;
+        }
+        point.loss = next;
+        point.influence = None;
+        point.radius = None;
+        true
     }
 
     fn stationarity(&self, point: &Point, at: &Here) -> Stationarity {
@@ -232,6 +271,29 @@ impl Descent<'_> {
         self.stationarity(point, &point.here).residual <= ARRIVED
     }
 
+    /// Whether the dual weights of the last program prove that the linearised problem has no point within [`REACH`]
+    /// that costs less by more than [`PROGRESS`]. The proof is computed from the problem's own rows: clarabel is not
+    /// believed. With weights `y`, `loss(r + J d) >= y'r + (J'y)'d >= y'r - |J'y| |d|`, where what a limit holds back
+    /// does not count.
+    fn proved(&self, point: &Point) -> bool {
+        let (Some(weights), true) = (&point.influence, self.problem.has_prior()) else {
+            return false;
+        };
+        let Some(supported) = point.loss.supported(&point.here.r, weights) else {
+            return false;
+        };
+        let x = &point.here.x;
+        let mut slope = linalg::mul_transpose(point.here.jac.as_ref(), weights);
+        for (i, slope) in slope.iter_mut().enumerate() {
+            let held = if *slope < 0.0 { x[i] >= self.limits.upper[i] } else { x[i] <= self.limits.lower[i] };
+            if held {
+                *slope = 0.0;
+            }
+        }
+        let merit = self.merit(point, &point.here);
+        merit - (supported - REACH * norm(&slope)) <= PROGRESS * merit
+    }
+
     fn reach(&self, point: &Point) -> f64 {
         point.metric.iter().zip(&point.here.x).map(|(d, x)| (d * x).powi(2)).sum::<f64>().sqrt().max(1.0)
     }
@@ -278,6 +340,12 @@ fn resize(point: &mut Point, step: &Step, ratio: f64) {
         let least = 1.0 / (2.0 * (1.0 - ratio.max(-1e3)));
         point.radius = Some(step.length * least.clamp(0.1, 0.5));
     } else if ratio > 0.75 {
-        point.radius = if limited { Some(2.0 * step.length) } else { None };
+        let free = step.influence.is_none();
+        point.radius = match point.radius {
+            Some(_) if limited => Some(2.0 * step.length),
+            // Where the program sees no curvature the region stands in for it.
+            Some(radius) if !free => Some(radius),
+            _ => None,
+        };
     }
 }

@@ -39,9 +39,7 @@ impl Here {
             let cost = crate::problem::cost(&r);
             Self { x: x.to_vec(), r, jac, cost }
         } else {
-            let Compressed { r, jac, cost } = problem.compress(x).map_err(|why| why.0)?;
-            let (r, jac) = without_empty_rows(r, jac);
-            Self { x: x.to_vec(), r, jac, cost }
+            Self::compressed(x.to_vec(), problem.compress(x).map_err(|why| why.0)?)
         };
         // Clarabel takes NaN for a certificate of infeasibility: it must not get that far.
         if here.cost.is_finite() && here.jac.is_all_finite() && here.r.iter().all(|v| v.is_finite()) {
@@ -49,6 +47,12 @@ impl Here {
         } else {
             Err("residual or Jacobian is not finite".into())
         }
+    }
+
+    /// Compressed rows at `x`, without those that are rounding errors.
+    pub fn compressed(x: Vec<f64>, rows: Compressed) -> Self {
+        let (r, jac) = without_empty_rows(rows.r, rows.jac);
+        Self { x, r, jac, cost: rows.cost }
     }
 
     /// The residual that the linear model predicts at `u`.

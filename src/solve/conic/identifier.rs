@@ -1,6 +1,7 @@
 //! The conic identifiers: one method, registered under the names of its usual compositions.
 
 use super::descent::Descent;
+use super::least_squares::LeastSquares;
 use super::limits::Limits;
 use super::loss::{Loss, loss};
 use super::options::{Options, Regulariser};
@@ -8,7 +9,7 @@ use super::penalty::Penalty;
 use super::step::Model;
 use super::weight::{self, WeightRule};
 use crate::problem::{Form, Problem};
-use crate::solve::anchored::settle;
+use crate::solve::anchored::{SETTLED, settle};
 use crate::solve::identifier::{Identifier, SettingError, Stop};
 use crate::solve::objective::Objective;
 use crate::solve::reduced::Reduced;
@@ -19,6 +20,9 @@ use crate::solve::settings;
 const TIE: f64 = 1e-8;
 /// Signal-to-noise ratio up to which, without a penalty, a direction has the prior's full weight (see `minimal`).
 const THRESHOLD: f64 = 1.0;
+
+/// The same as [`SETTLED`] for a loss without derivative, whose runs end within a thousandth of the merit.
+const COARSE: f64 = 0.1;
 
 /// A sequence of conic programs about the current point, in complete coordinates with the gauge left free: a limit
 /// excludes a machine only if no equivalent description of it fits.
@@ -212,11 +216,28 @@ impl Identifier for Conic {
                 return report;
             }
             let report = Report { estimate: self.estimate(problem, &limits, 1.0), ..report };
-            return settle(problem, start, THRESHOLD, stop, report.clone(), |problem, from, stop| {
-                let penalty = Penalty::default();
-                let report = Report { x: from.to_vec(), ..report.clone() };
-                Descent { problem, loss: loss.as_ref(), penalty, limits: &limits, stop }.run(from, report)
-            });
+            let settled = |loss: &dyn Loss, way: f64, report: Report| {
+                settle(
+                    problem,
+                    &report.x.clone(),
+                    THRESHOLD,
+                    way,
+                    stop,
+                    report.clone(),
+                    |problem, from, stop| {
+                        let penalty = Penalty::default();
+                        let report = Report { x: from.to_vec(), ..report.clone() };
+                        Descent { problem, loss, penalty, limits: &limits, stop }.run(from, report)
+                    },
+                )
+            };
+            if loss.smooth() {
+                return settled(loss.as_ref(), SETTLED, report);
+            }
+            // Linear programs are dear: least squares leads near the solution.
+            let near = settled(&LeastSquares, COARSE, report.clone());
+            let x = if near.outcome.converged() { near.x } else { report.x };
+            return settled(loss.as_ref(), COARSE, Report { x, ..report });
         }
         let mut descent = Descent {
             problem,

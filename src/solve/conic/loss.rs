@@ -53,6 +53,13 @@ pub trait Loss: Send + Sync + std::fmt::Debug {
     /// The quadratic that equals the cost about the predicted residual; `None` where there is no such.
     fn quadratic(&self, here: &Here, predicted: &[f64]) -> Option<Quadratic>;
 
+    /// Least of the loss under the linear model along `weights`, a derivative by the residual as `dual_influence`
+    /// gives it: the value at `r` of a supporting plane through zero. `None` where the loss has a derivative, which
+    /// judges better.
+    fn supported(&self, _r: &[f64], _weights: &[f64]) -> Option<f64> {
+        None
+    }
+
     /// Derivative by the residual from the dual variables of a solved program, where `influence` is not unique.
     fn dual_influence(&self, _here: &Here, _working: &[usize], _solution: &Solution) -> Option<Vec<f64>> {
         None

@@ -22,6 +22,7 @@ pub mod program;
 pub mod restore;
 pub mod ridge;
 pub mod step;
+pub mod tips;
 pub mod trust;
 pub mod weight;
 

@@ -4,8 +4,8 @@
 //! problem in the free coordinates; groups at their cone move along the sphere.
 
 use super::here::{Here, Quadratic};
-use super::kinks;
 use super::step::Model;
+use super::{kinks, tips};
 use crate::linalg::{self, norm};
 use faer::{Mat, MatMut};
 
@@ -13,6 +13,8 @@ use faer::{Mat, MatMut};
 const NEAR: f64 = 1e-6;
 /// The same for the zero of a group: a cone's tip is found less exactly, and what is held there wrongly is released.
 const NEAR_TIP: f64 = 1e-4;
+/// Move, relative to the point, from which on multipliers are those of the minimiser on the active set.
+const CLOSE: f64 = 1e-3;
 /// Move, relative to the point, after which it counts as settled.
 const SETTLED: f64 = 1e-13;
 /// Proximal weight, relative to the squared column norms, that keeps the factor of a deficient Jacobian regular.
@@ -52,31 +54,43 @@ pub fn polish(
         let free = free_directions(model, &set, &u);
         let before = u.clone();
         newton(model, here, &quadratic, &free, &mut u)?;
-        let cut = model.penalty.lasso > 0.0 && {
+        let cut = if model.penalty.lasso > 0.0 {
             let gradient = model.program_gradient(here, &before);
             kinks::search(model, &quadratic, &gradient, &before, &mut u, &mut set.held)
+        } else {
+            model.penalty.group > 0.0 && tips::search(model, here, &before, &mut u, &mut set.zero)
         };
+        // A length is no quadratic: one step does not end at the minimiser on the set.
+        let far = model.penalty.group > 0.0 && !close(&before, &u);
         // Multipliers belong to the minimiser on the set, before it is cut back: the primal-dual active set method.
-        let freed = !cut && release(model, here, &mut set, &mut u);
-        let grown = cut || hold(model, &mut set, &before, &mut u);
+        let freed = !cut && !far && release(model, here, &mut set, &mut u);
+        let grown = cut || hold(model, &mut set, &mut u);
         let moved = u.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        if !freed && !grown && (moved <= SETTLED * norm(&u) || moved > 0.5 * last) {
+        if !freed && !grown && !far && (moved <= SETTLED * norm(&u) || moved > 0.5 * last) {
             return Some(u);
         }
-        last = if freed || grown { f64::INFINITY } else { moved };
+        last = if freed || grown || far { f64::INFINITY } else { moved };
     }
     Some(u)
+}
+
+/// Whether a step is so short that the multipliers at its end are those of the minimiser on its active set.
+fn close(before: &[f64], u: &[f64]) -> bool {
+    let moved: Vec<f64> = u.iter().zip(before).map(|(a, b)| a - b).collect();
+    norm(&moved) <= CLOSE * norm(u)
 }
 
 fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
     let (lower, upper) = (&model.limits.lower, &model.limits.upper);
     let mut held = vec![false; u.len()];
+    // Units are large where columns are small; what is small against the point itself is another matter.
+    let largest = u.iter().fold(0.0f64, |a, v| a.max(v.abs()));
     for i in 0..u.len() {
         let near = NEAR * unit[i];
         if upper[i] - u[i] <= near || u[i] - lower[i] <= near {
             u[i] = if upper[i] - u[i] <= u[i] - lower[i] { upper[i] } else { lower[i] };
             held[i] = true;
-        } else if model.penalty.lasso > 0.0 && u[i].abs() <= near {
+        } else if model.penalty.lasso > 0.0 && u[i].abs() <= near.min(NEAR * largest) {
             u[i] = 0.0;
             held[i] = true;
         }
@@ -86,8 +100,8 @@ fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
     let mut cone = vec![false; model.groups.len()];
     for (g, group) in model.groups.iter().enumerate() {
         let reach = group.length(u);
-        if model.penalty.group > 0.0 && reach <= NEAR_TIP * group.members.iter().map(size).fold(0.0, f64::max)
-        {
+        let near = NEAR_TIP * group.members.iter().map(size).fold(0.0, f64::max).min(largest);
+        if model.penalty.group > 0.0 && reach <= near {
             group.members.iter().for_each(|&i| u[i] = 0.0);
             zero[g] = true;
         }
@@ -230,8 +244,8 @@ fn flatten_along(model: &Model, u: &[f64], bent: &[usize], mut rows: MatMut<'_, 
     }
 }
 
-/// Holds what the step carried across a limit or a group through zero; whether anything was.
-fn hold(model: &Model, set: &mut ActiveSet, before: &[f64], u: &mut [f64]) -> bool {
+/// Holds what the step carried across a limit; whether anything was.
+fn hold(model: &Model, set: &mut ActiveSet, u: &mut [f64]) -> bool {
     let mut grown = false;
     for (i, u) in u.iter_mut().enumerate() {
         let (lower, upper) = (model.limits.lower[i], model.limits.upper[i]);
@@ -242,13 +256,6 @@ fn hold(model: &Model, set: &mut ActiveSet, before: &[f64], u: &mut [f64]) -> bo
         }
     }
     for (g, group) in model.groups.iter().enumerate() {
-        // A length has a kink at zero: a step beyond it believed in a slope that ends there.
-        let along: f64 = group.members.iter().map(|&i| before[i] * u[i]).sum();
-        if model.penalty.group > 0.0 && !set.zero[g] && along < 0.0 {
-            group.members.iter().for_each(|&i| u[i] = 0.0);
-            set.zero[g] = true;
-            grown = true;
-        }
         if set.cone[g] || group.length(u) > model.limits.cone {
             grown |= !set.cone[g];
             set.cone[g] = true;
@@ -285,17 +292,9 @@ fn release(model: &Model, here: &Here, set: &mut ActiveSet, u: &mut [f64]) -> bo
             }
         }
     }
-    for (g, group) in model.groups.iter().enumerate() {
-        let pull = group.members.iter().map(|&i| gradient[i].powi(2)).sum::<f64>().sqrt();
-        let tolerance = group.members.iter().map(|&i| SIGN * measure[i]).fold(0.0, f64::max);
-        if set.zero[g] && pull > model.penalty.group + tolerance {
-            // A proximal gradient step: down the steepest descent, no farther than the group's own curvature allows.
-            let square: f64 = group.members.iter().map(|&i| here.jac.col(i).squared_norm_l2()).sum();
-            let step = (1.0 - model.penalty.group / pull) / (square + model.penalty.ridge);
-            group.members.iter().for_each(|&i| u[i] = -step * gradient[i]);
-            set.zero[g] = false;
-            freed = true;
-        }
+    freed |=
+        model.penalty.group > 0.0 && tips::release(model, here, &gradient, &measure, SIGN, &mut set.zero, u);
+    for g in 0..model.groups.len() {
         if set.cone[g] && stationarity.cones.iter().any(|(index, m)| *index == g && *m == 0.0) {
             set.cone[g] = false;
             freed = true;

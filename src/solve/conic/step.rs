@@ -50,9 +50,9 @@ pub struct NoStep(pub String);
 /// Programs with a growing working set before its last answer is taken as it is.
 const ROUNDS: usize = 12;
 /// Newton steps of a polish, each with one look at the active set.
-const PASSES: usize = 15;
+const PASSES: usize = 30;
 /// The same from the active set of the point itself, before clarabel is asked.
-const WARM_PASSES: usize = 12;
+const WARM_PASSES: usize = 25;
 /// KKT residual of a program's solution that needs no other witness.
 const VERIFIED: f64 = 1e-11;
 /// Nearness to a limit, in units of the program, from which an unpolished point is put on it.
@@ -106,13 +106,20 @@ impl Model<'_> {
 
     /// The best step from `here`, at most `radius` long where one is given.
     pub fn step(&self, here: &Here, radius: Option<f64>) -> Result<Step, NoStep> {
-        self.step_near(here, radius, &here.x)
+        self.step_near(here, radius, &here.x, WARM_PASSES)
     }
 
-    /// The same, where `near` is a point whose active set may be that of the solution.
-    pub fn step_near(&self, here: &Here, radius: Option<f64>, near: &[f64]) -> Result<Step, NoStep> {
+    /// The same, where `near` is a point whose active set may be that of the solution, and `passes` the Newton steps
+    /// spent on finding out.
+    pub fn step_near(
+        &self,
+        here: &Here,
+        radius: Option<f64>,
+        near: &[f64],
+        passes: usize,
+    ) -> Result<Step, NoStep> {
         let frame = Frame { here, unit: self.units(here, radius) };
-        if let Some(step) = self.warm(&frame, radius, near) {
+        if let Some(step) = self.warm(&frame, radius, near, passes) {
             return Ok(step);
         }
         let mut working = self.loss.working_set(here);
@@ -151,9 +158,9 @@ impl Model<'_> {
 
     /// The step on the active set of `near`, if it satisfies the program's conditions: those are sufficient, the
     /// program being convex, so that clarabel need not be asked. Near a solution it never is.
-    fn warm(&self, frame: &Frame, radius: Option<f64>, near: &[f64]) -> Option<Step> {
+    fn warm(&self, frame: &Frame, radius: Option<f64>, near: &[f64], passes: usize) -> Option<Step> {
         let here = frame.here;
-        let u = polish(self, here, near, &frame.unit, WARM_PASSES)?;
+        let u = polish(self, here, near, &frame.unit, passes)?;
         let length = trust::length(self.metric, &here.x, &u);
         let inside = self.limits.violation(&u, self.groups) <= 1e-14 * linalg::norm(&u).max(1.0);
         let solved = inside

@@ -28,15 +28,19 @@ impl std::fmt::Display for WeightRule {
     }
 }
 
+/// Newton steps from the solution under a neighbouring weight, each of which may change the active set, before clarabel
+/// is asked: it takes as long as dozens of them.
+const PATH_PASSES: usize = 150;
 /// Parts into which the samples are divided, each left out once.
 const FOLDS: usize = 5;
 
-/// Weights tried: half decades about 1, where data and tolerance weigh the same.
-fn grid() -> impl DoubleEndedIterator<Item = f64> {
-    (-8..=8).map(|half_decade| 10f64.powf(0.5 * f64::from(half_decade)))
-}
+/// Decades tried first: about 1, where data and tolerance weigh the same.
+const DECADES: std::ops::RangeInclusive<i32> = -4..=4;
 
 /// The weight that `rule` chooses at `x`, and the curve it was chosen from; `with` is the model for a weight.
+///
+/// Decades first, from the largest down until two in a row predict worse than one before them or, for the discrepancy
+/// principle, one fits; then the half decades beside the best. Small weights free most coordinates and cost most.
 pub fn choose<'a>(
     rule: WeightRule,
     problem: &dyn Problem,
@@ -48,23 +52,61 @@ pub fn choose<'a>(
     }
     let rows = Here::at(problem, x, true)?;
     let m = rows.r.len();
-    let folds = match rule {
+    let held = match rule {
         WeightRule::CrossValidation => folds(&problem.blocks(), m)?,
-        _ => Vec::new(),
+        _ => vec![Vec::new()],
     };
-    let mut near = vec![vec![0.0; x.len()]; FOLDS];
-    let mut curve = Vec::new();
+    let needs_rows = with(1.0).loss.needs_rows();
+    let parts: Vec<Part> = held.into_iter().map(|held| Part::without(held, &rows, needs_rows)).collect();
+    let mut curve: Vec<(WeightPoint, Vec<Vec<f64>>)> = Vec::new();
+    let attempt = |weight: f64, near: &[Vec<f64>]| {
+        let (score, fits) = score(&with(weight), &rows, &parts, near)?;
+        Ok::<_, String>((WeightPoint { weight, score: score / m as f64 }, fits))
+    };
     // From the largest weight, under which next to nothing is off nominal: each solution is near the one before.
-    for weight in grid().rev() {
-        let model = with(weight);
-        let score = match rule {
-            WeightRule::CrossValidation => left_out(&model, &rows, &folds, &mut near)?,
-            _ => left_over(&model, &rows, &mut near[0])?,
-        };
-        curve.push(WeightPoint { weight, score: score / m as f64 });
+    let mut near = vec![vec![0.0; x.len()]; parts.len()];
+    for decade in DECADES.rev() {
+        let tried = attempt(10f64.powi(decade), &near)?;
+        near.clone_from(&tried.1);
+        curve.push(tried);
+        if enough(rule, &curve) {
+            break;
+        }
     }
-    curve.reverse();
-    best(rule, &curve).ok_or_else(|| "no weight was tried".into()).map(|weight| (weight, curve))
+    let decades = curve.len();
+    let points = |curve: &[(WeightPoint, Vec<Vec<f64>>)]| {
+        let mut points: Vec<WeightPoint> = curve.iter().map(|(point, _)| *point).collect();
+        points.sort_by(|a, b| a.weight.total_cmp(&b.weight));
+        points
+    };
+    let coarse = best(rule, &points(&curve)).ok_or("no weight was tried")?;
+    for half_decade in [0.5, -0.5] {
+        let weight = coarse * 10f64.powf(half_decade);
+        // The nearest larger weight that was tried.
+        let from = curve[..decades].iter().rev().find(|(point, _)| point.weight > weight);
+        if let Some((_, near)) = from
+            && curve.iter().any(|(point, _)| point.weight < weight)
+        {
+            let near = near.clone();
+            curve.push(attempt(weight, &near)?);
+        }
+    }
+    let points = points(&curve);
+    best(rule, &points).ok_or_else(|| "no weight was tried".into()).map(|weight| (weight, points))
+}
+
+/// Whether smaller weights than the last of a descending curve need not be tried: they fit the noise, or more than the
+/// noise asks.
+fn enough(rule: WeightRule, curve: &[(WeightPoint, Vec<Vec<f64>>)]) -> bool {
+    let scores: Vec<f64> = curve.iter().map(|(point, _)| point.score).collect();
+    match (rule, scores.as_slice()) {
+        (WeightRule::CrossValidation, [before @ .., a, b]) => {
+            let least = before.iter().copied().fold(f64::INFINITY, f64::min);
+            *a > least && *b > *a
+        }
+        (WeightRule::Discrepancy, [.., last]) => *last <= 1.0,
+        _ => false,
+    }
 }
 
 /// The weight that `rule` chooses from a curve of ascending weights; `None` of an empty one.
@@ -91,37 +133,50 @@ fn folds(blocks: &[Range<usize>], rows: usize) -> Result<Vec<Vec<usize>>, String
     Ok((0..folds).map(|fold| of(fold).cloned().flatten().collect()).collect())
 }
 
-/// Cost of rows that took no part in the fit, twice, so that it is a sum of squares for least squares.
-fn left_out(model: &Model, rows: &Here, folds: &[Vec<usize>], near: &mut [Vec<f64>]) -> Result<f64, String> {
-    let of_fold = |(held, near): (&Vec<usize>, &mut Vec<f64>)| {
-        *near = fit(model, rows, &complement(held, rows.r.len()), near)?;
-        let predicted = rows.predict(near);
-        let residual: Vec<f64> = held.iter().map(|&i| predicted[i]).collect();
-        Ok(2.0 * model.loss.merit(&residual))
-    };
-    let costs: Result<Vec<f64>, String> = folds.par_iter().zip(near.par_iter_mut()).map(of_fold).collect();
-    Ok(costs?.iter().sum())
+/// What one fit sees, and the rows that it does not see.
+struct Part {
+    here: Here,
+    held: Vec<usize>,
 }
 
-/// Sum of squares of the residual that the fit leaves.
-fn left_over(model: &Model, rows: &Here, near: &mut Vec<f64>) -> Result<f64, String> {
-    let all: Vec<usize> = (0..rows.r.len()).collect();
-    *near = fit(model, rows, &all, near)?;
-    Ok(rows.predict(near).iter().map(|v| v * v).sum())
-}
-
-fn fit(model: &Model, rows: &Here, chosen: &[usize], near: &[f64]) -> Result<Vec<f64>, String> {
-    model.step_near(&part(model, rows, chosen), None, near).map(|step| step.u).map_err(|why| why.0)
-}
-
-fn part(model: &Model, rows: &Here, chosen: &[usize]) -> Here {
-    let jac = faer::Mat::from_fn(chosen.len(), rows.x.len(), |i, j| rows.jac[(chosen[i], j)]);
-    let r: Vec<f64> = chosen.iter().map(|&i| rows.r[i]).collect();
-    if model.loss.needs_rows() {
-        return Here { x: rows.x.clone(), cost: crate::problem::cost(&r), r, jac };
+impl Part {
+    fn without(held: Vec<usize>, rows: &Here, needs_rows: bool) -> Self {
+        let seen = complement(&held, rows.r.len());
+        let x = rows.x.clone();
+        let here = if needs_rows {
+            let jac = faer::Mat::from_fn(seen.len(), x.len(), |i, j| rows.jac[(seen[i], j)]);
+            let r: Vec<f64> = seen.iter().map(|&i| rows.r[i]).collect();
+            Here { x, cost: crate::problem::cost(&r), r, jac }
+        } else {
+            Here::compressed(x, rows.compress(&seen))
+        };
+        Self { here, held }
     }
-    let compressed = crate::linalg::compress(&jac, &r);
-    Here { x: rows.x.clone(), r: compressed.r, jac: compressed.jac, cost: compressed.cost }
+}
+
+/// The fits of all parts, each from the point near which it may be, and what their rows left out cost, twice, so that
+/// it is a sum of squares for least squares; where none are left out, the sum of squares that the fit leaves.
+fn score(
+    model: &Model,
+    rows: &Here,
+    parts: &[Part],
+    near: &[Vec<f64>],
+) -> Result<(f64, Vec<Vec<f64>>), String> {
+    let of_part = |(part, near): (&Part, &Vec<f64>)| {
+        let fit = model.step_near(&part.here, None, near, PATH_PASSES).map_err(|why| why.0)?.u;
+        let predicted = rows.predict(&fit);
+        let cost = if part.held.is_empty() {
+            predicted.iter().map(|v| v * v).sum()
+        } else {
+            let residual: Vec<f64> = part.held.iter().map(|&i| predicted[i]).collect();
+            2.0 * model.loss.merit(&residual)
+        };
+        Ok((cost, fit))
+    };
+    let fits: Result<Vec<(f64, Vec<f64>)>, String> =
+        parts.par_iter().zip(near.par_iter()).map(of_part).collect();
+    let (costs, points): (Vec<f64>, Vec<Vec<f64>>) = fits?.into_iter().unzip();
+    Ok((costs.iter().sum(), points))
 }
 
 #[cfg(test)]
