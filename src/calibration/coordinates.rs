@@ -17,8 +17,11 @@ use crate::model::{Constant, Geometry, Limb, Mechanism, Prior, Quantity};
 use crate::problem::{Form, Group, Param};
 use faer::Mat;
 
-/// Sigma that stands for no prior, in rad and in machine sizes.
+/// Sigma that stands for no prior on a constant of the instrument, in rad, in machine sizes or 1.
 const FREE: f64 = 1.0;
+/// The same on a link, whose place is known by registration: far beyond what registration leaves, and near enough that
+/// valleys of links that replace each other are not followed for hundreds of steps.
+const FREE_LINK: f64 = 0.1;
 
 /// Coordinates of all limbs.
 #[derive(Clone, Debug)]
@@ -347,7 +350,7 @@ fn sigmas(link: &crate::model::Link, length: f64) -> [f64; 6] {
         Prior::Sigma(sigma) => sigma,
         Prior::Free => free,
     };
-    let angle = sigma(link.tolerance.angle, FREE);
-    let translation = sigma(link.tolerance.length, FREE * length);
+    let angle = sigma(link.tolerance.angle, FREE_LINK);
+    let translation = sigma(link.tolerance.length, FREE_LINK * length);
     [angle, angle, angle, translation, translation, translation]
 }

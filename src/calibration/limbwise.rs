@@ -146,9 +146,9 @@ impl<'a> LimbProblem<'a> {
             let passive =
                 self.mechanism.limbs[0].joints.iter().zip(&mut posture.q).filter(|(j, _)| !j.actuated);
             let mut longest = 0.0_f64;
-            for ((_, q), step) in passive.zip(&steps) {
+            for ((joint, q), step) in passive.zip(&steps) {
                 *q += step;
-                longest = longest.max(step.abs());
+                longest = longest.max(joint.motion.size_of(*step, length));
             }
             if longest <= AT_POSE {
                 return Ok(());

@@ -124,7 +124,7 @@ impl Seen {
         let decrement: f64 = along.iter().enumerate().map(|(k, g)| g * g / curvature(k).max(1.0)).sum();
         let known = (0..along.len()).filter(|&k| curvature(k) > 1.0).count().max(1) as f64;
         let square: f64 = influence.iter().map(|v| v * v).sum();
-        let variance = square / (curved.len() as f64 - known).max(1.0);
+        let variance = square / (self.r.len() as f64 - known).max(1.0);
         let offset = (decrement / known / variance.max(1.0)).sqrt();
         // Whatever oversteps a limit is no solution.
         let possible = self.violation(objective) <= TOUCHES;

@@ -14,7 +14,7 @@ use crate::measure::Weighted;
 use nalgebra::Matrix6;
 
 /// Least weight of a sample that counts at all, and the inverse of the largest.
-const LIGHTEST: f64 = 1e-12;
+const LIGHTEST: f64 = 1e-6;
 
 /// The weight of a sample: 1 where none is stated.
 fn read_weight(stated: Option<f64>, at: &Place<'_>) -> Result<f64, FileError> {

@@ -25,6 +25,7 @@ pub struct Outlier {
 }
 
 /// A sample with its residual by some geometry.
+#[derive(Clone, Copy)]
 struct Tested {
     sample: usize,
     weighted_rms: f64,
@@ -47,15 +48,19 @@ pub fn outliers(found: &Identification, samples: &[Sample]) -> Vec<Outlier> {
     let mut geometry = found.geometry.clone();
     let mut influence = None;
     let mut out: Vec<usize> = Vec::new();
+    let mut removed: Vec<Tested> = Vec::new();
     loop {
         let tested = tests(&found.start, &geometry, &taking, &out);
-        let left = tested.len() - out.len();
+        let left = tested.iter().filter(|t| !out.contains(&t.sample)).count();
         let worst = tested.iter().filter(|t| !out.contains(&t.sample)).find(|t| t.fails(left));
         let Some(worst) = worst.filter(|_| (out.len() as f64) < MOST * taking.len() as f64) else {
+            // Those that no longer close are to blame as when they were taken out.
+            let open = removed.iter().filter(|r| !tested.iter().any(|t| t.sample == r.sample));
             let blamed = tested.iter().filter(|t| out.contains(&t.sample) && t.fails(left.max(1)));
-            return blamed.map(|t| t.named(&taking)).collect();
+            return open.chain(blamed).map(|t| t.named(&taking)).collect();
         };
         out.push(worst.sample);
+        removed.push(*worst);
         if out.len() == 1 {
             influence = Influence::new(found, &taking).ok();
         }

@@ -82,7 +82,9 @@ impl Posture {
                 return Err(self.apart(mechanism));
             }
             before.copy_from_slice(&self.q);
-            let longest = steps.iter().fold(0.0_f64, |m, s| m.max(s.abs()));
+            let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).zip(&steps);
+            let sizes = joints.map(|(joint, s)| joint.motion.size_of(*s, self.length));
+            let longest = sizes.fold(0.0_f64, f64::max);
             let mut fraction = (LONGEST_STEP / longest.max(LONGEST_STEP)).min(1.0);
             self.iterations += 1;
             loop {

@@ -231,7 +231,9 @@ fn approach(
             return size;
         }
         let Some(step) = newton_step(mechanism, posture, &left, followed) else { return size };
-        let longest = step.iter().fold(0.0_f64, |most, s| most.max(s.abs()));
+        let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).zip(&step);
+        let sizes = joints.map(|(joint, s)| joint.motion.size_of(*s, posture.length()));
+        let longest = sizes.fold(0.0_f64, f64::max);
         let mut fraction = LONGEST_STEP / longest.max(LONGEST_STEP);
         loop {
             let mut trial = posture.clone();

@@ -67,7 +67,8 @@ fn limb_at_pose(limb: &Limb, links: &[Se3], actuators: &[f64], theta: &mut [f64]
         }
         split.factor(&columns);
         let step = split.motions(&twist);
-        let longest = step.iter().fold(0.0_f64, |m, s| m.max(s.abs()));
+        let passive = limb.joints.iter().filter(|joint| !joint.actuated);
+        let longest = passive.zip(&step).fold(0.0_f64, |m, (j, s)| m.max(j.motion.size_of(*s, length)));
         let mut fraction = LONGEST_STEP / longest.max(LONGEST_STEP);
         let shrunk = loop {
             for ((t, from), s) in trial.iter_mut().zip(theta.iter()).zip(&step) {

@@ -23,6 +23,11 @@ impl Motion {
         !matches!(self, Motion::Prismatic)
     }
 
+    /// Size of a step of the joint variable, rad or, of a length, parts of the machine's size `length` (m).
+    pub fn size_of(self, step: f64, length: f64) -> f64 {
+        step.abs() / if self.is_angular() { 1.0 } else { length }
+    }
+
     /// `g exp(z q)`: the frame moved by the joint variable `q`, rad or m.
     pub fn moved(self, g: &Se3, q: f64) -> Se3 {
         let turn = if self.is_angular() { q.sin_cos() } else { (0.0, 1.0) };
