@@ -143,13 +143,12 @@ fn planned(
     name: &str,
     (actuators, second): (&[f64], &[f64]),
 ) -> Result<Sample, CliError> {
-    let measurement = read(mechanism, geometry, blank, actuators, second).map_err(|why| {
-        CliError::Posture {
+    let measurement =
+        read(mechanism, geometry, blank, actuators, second).map_err(|why| CliError::Posture {
             file: problem.file.clone(),
             sample: name.to_owned(),
             why: reason(&why, problem.units),
-        }
-    })?;
+        })?;
     Ok(Sample { name: name.to_owned(), actuators: actuators.to_vec(), measurement })
 }
 

@@ -53,9 +53,8 @@ pub fn with_links_of(mut drawn: Mechanism, other: &Mechanism) -> Result<Mechanis
     if found != wanted {
         return Err(Unlike::Limbs { found: found.join(", "), wanted: wanted.join(", ") });
     }
-    let alike = |a: &Joint, b: &Joint| {
-        discriminant(&a.motion) == discriminant(&b.motion) && a.actuated == b.actuated
-    };
+    let alike =
+        |a: &Joint, b: &Joint| discriminant(&a.motion) == discriminant(&b.motion) && a.actuated == b.actuated;
     for (limb, other) in drawn.limbs.iter_mut().zip(&other.limbs) {
         let mut pairs = limb.joints.iter().zip(&other.joints);
         if limb.joints.len() != other.joints.len() || !pairs.clone().all(|(a, b)| alike(a, b)) {
