@@ -214,11 +214,10 @@ fn moves_are_short() {
 fn the_way_to_the_second_of_two_postures_counts() {
     let ranges = [(-1.0, 1.0)];
     let row = [[[0.5], [0.1]], [[0.9], [0.6]]];
-    let stops = |pairs: &[[[f64; 1]; 2]], then: &mut dyn FnMut(&[[&[f64]; 2]])| {
-        let all: Vec<[&[f64]; 2]> = pairs.iter().map(|[a, b]| [a.as_slice(), b.as_slice()]).collect();
-        then(&all);
-    };
-    stops(&row, &mut |stops| assert_eq!(short_way(stops, &ranges), [(0, true), (1, true)]));
+    fn stops(pairs: &[[[f64; 1]; 2]]) -> Vec<[&[f64]; 2]> {
+        pairs.iter().map(|[a, b]| [a.as_slice(), b.as_slice()]).collect()
+    }
+    assert_eq!(short_way(&stops(&row), &ranges), [(0, true), (1, true)]);
     let some: Vec<[[f64; 1]; 2]> =
         (0..4).map(|i| [[(1.7 * f64::from(i)).sin()], [(2.9 * f64::from(i) + 1.0).cos()]]).collect();
     let length = |way: &[(usize, bool)]| {
@@ -238,13 +237,11 @@ fn the_way_to_the_second_of_two_postures_counts() {
             best = best.min(length(&way));
         }
     });
-    stops(&some, &mut |stops| {
-        let found = short_way(stops, &ranges);
-        let mut sorted: Vec<usize> = found.iter().map(|(i, _)| *i).collect();
-        sorted.sort_unstable();
-        assert_eq!(sorted, [0, 1, 2, 3]);
-        assert!(length(&found) <= 1.1 * best, "{} {best}", length(&found));
-    });
+    let found = short_way(&stops(&some), &ranges);
+    let mut sorted: Vec<usize> = found.iter().map(|(i, _)| *i).collect();
+    sorted.sort_unstable();
+    assert_eq!(sorted, [0, 1, 2, 3]);
+    assert!(length(&found) <= 1.1 * best, "{} {best}", length(&found));
 }
 
 /// No two candidates are the same two postures, and none is compared with itself.
