@@ -183,7 +183,11 @@ fn observability_indices_by_hand() {
 fn moves_are_short() {
     let ranges = [(-1.0, 1.0), (-2.0, 2.0)];
     let row: Vec<Vec<f64>> = [0.5, 0.1, 0.9, 0.3, 0.7].iter().map(|x| vec![*x, 0.0]).collect();
-    assert_eq!(short_way(&row, &ranges), [1, 3, 0, 4, 2]);
+    let alone = |postures: &[Vec<f64>]| -> Vec<usize> {
+        let stops: Vec<[&[f64]; 2]> = postures.iter().map(|p| [p.as_slice(); 2]).collect();
+        short_way(&stops, &ranges).into_iter().map(|(i, _)| i).collect()
+    };
+    assert_eq!(alone(&row), [1, 3, 0, 4, 2]);
     let some: Vec<Vec<f64>> =
         (0..7).map(|i| vec![(1.7 * f64::from(i)).sin(), 2.0 * (2.9 * f64::from(i) + 1.0).cos()]).collect();
     let length = |order: &[usize]| {
@@ -198,11 +202,58 @@ fn moves_are_short() {
     let mut best = f64::INFINITY;
     let mut order: Vec<usize> = (0..7).collect();
     permute(&mut order, 0, &mut |order| best = best.min(length(order)));
-    let found = short_way(&some, &ranges);
+    let found = alone(&some);
     let mut sorted = found.clone();
     sorted.sort_unstable();
     assert_eq!(sorted, [0, 1, 2, 3, 4, 5, 6]);
     assert!(length(&found) <= 1.1 * best, "{} {best}", length(&found));
+}
+
+/// Pairs of postures are visited from either end: of all 384 orders of four none is much shorter.
+#[test]
+fn the_way_to_the_second_of_two_postures_counts() {
+    let ranges = [(-1.0, 1.0)];
+    let row = [[[0.5], [0.1]], [[0.9], [0.6]]];
+    fn stops(pairs: &[[[f64; 1]; 2]]) -> Vec<[&[f64]; 2]> {
+        pairs.iter().map(|[a, b]| [a.as_slice(), b.as_slice()]).collect()
+    }
+    assert_eq!(short_way(&stops(&row), &ranges), [(0, true), (1, true)]);
+    let some: Vec<[[f64; 1]; 2]> =
+        (0..4).map(|i| [[(1.7 * f64::from(i)).sin()], [(2.9 * f64::from(i) + 1.0).cos()]]).collect();
+    let length = |way: &[(usize, bool)]| {
+        let mut at = 0.0;
+        let mut sum = 0.0;
+        for &(i, reversed) in way {
+            let [first, second] = if reversed { [some[i][1], some[i][0]] } else { some[i] };
+            sum += (first[0] - at).abs() / 2.0 + (second[0] - first[0]).abs() / 2.0;
+            at = second[0];
+        }
+        sum
+    };
+    let mut best = f64::INFINITY;
+    permute(&mut vec![0, 1, 2, 3], 0, &mut |order| {
+        for turned in 0..16_usize {
+            let way: Vec<_> = order.iter().map(|&i| (i, turned >> i & 1 == 1)).collect();
+            best = best.min(length(&way));
+        }
+    });
+    let found = short_way(&stops(&some), &ranges);
+    let mut sorted: Vec<usize> = found.iter().map(|(i, _)| *i).collect();
+    sorted.sort_unstable();
+    assert_eq!(sorted, [0, 1, 2, 3]);
+    assert!(length(&found) <= 1.1 * best, "{} {best}", length(&found));
+}
+
+/// No two candidates are the same two postures, and none is compared with itself.
+#[test]
+fn no_pair_of_postures_is_offered_twice() {
+    assert_eq!((Instrument::second(0, 1), Instrument::second(0, 2), Instrument::second(1, 2)), (0, 1, 0));
+    for count in 3..60 {
+        for i in 0..count {
+            let second = Instrument::second(i, count);
+            assert!(second < count && second != i && Instrument::second(second, count) != i, "{i} {count}");
+        }
+    }
 }
 
 fn permute(order: &mut Vec<usize>, from: usize, visit: &mut impl FnMut(&[usize])) {

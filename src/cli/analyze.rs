@@ -8,8 +8,9 @@ use super::progress::with_spinner;
 use super::wording::reason;
 use crate::calibration::Sample;
 use crate::design::Observability;
-use crate::files::{Blank, DataPlaces, DataSet, Kind, Output, ProblemFile, read_problem};
+use crate::files::{DataPlaces, DataSet, Kind, Output, ProblemFile, read_problem};
 use crate::identify::analyze;
+use crate::measure::Measurement;
 use crate::model::{Geometry, Mechanism, mobility};
 use crate::simulate::{draw_deviations, draw_postures, read};
 use std::path::PathBuf;
@@ -129,33 +130,25 @@ fn place(problem: &ProblemFile, args: &Args) -> Result<(Mechanism, Vec<f64>, Str
     let truth = problem.truth.as_ref().ok_or_else(|| {
         CliError::Usage(format!("{}: --at truth: the problem states no truth", problem.file))
     })?;
-    mechanism = with_links_of(mechanism, truth).ok_or_else(|| {
-        CliError::Usage(format!(
-            "{}: --at truth: the true machine has other limbs or joints than the drawing",
-            problem.file
-        ))
-    })?;
-    for (constant, truth) in mechanism.instrument.iter_mut().zip(&truth.instrument) {
-        constant.nominal = truth.nominal;
-    }
+    mechanism = with_links_of(mechanism, truth)
+        .map_err(|why| CliError::Usage(format!("{}: --at truth: {why}", problem.file)))?;
     Ok((mechanism, zero, "at the true machine".into()))
 }
 
-/// A posture at which the instrument is taken to measure with the stated noise: what it measures for each of the sets.
+/// A posture at which the instrument is taken to measure with the stated noise: what `blank` reads there.
 fn planned(
     problem: &ProblemFile,
     (mechanism, geometry): (&Mechanism, &Geometry),
-    blank: &Blank,
+    blank: &dyn Measurement,
     name: &str,
     (actuators, second): (&[f64], &[f64]),
 ) -> Result<Sample, CliError> {
-    let measurement = read(mechanism, geometry, &*blank.measurement, actuators, second).map_err(|why| {
-        CliError::Posture {
+    let measurement =
+        read(mechanism, geometry, blank, actuators, second).map_err(|why| CliError::Posture {
             file: problem.file.clone(),
             sample: name.to_owned(),
             why: reason(&why, problem.units),
-        }
-    })?;
+        })?;
     Ok(Sample { name: name.to_owned(), actuators: actuators.to_vec(), measurement })
 }
 
@@ -164,18 +157,21 @@ fn planned_in_file(problem: &ProblemFile, machine: (&Mechanism, &Geometry)) -> R
     let mut samples = Vec::new();
     for set in problem.data.parts() {
         require_noise(problem, set)?;
-        let Some(blank) = set.blanks.first() else { continue };
-        if set.kind == Kind::Separation && set.planned.len() == 1 {
-            return Err(CliError::Usage(format!(
-                "{}: {}: a separation compares two postures, and only one is planned",
-                problem.file, set.planned[0].name
-            )));
-        }
         for (k, posture) in set.planned.iter().enumerate() {
-            // Planned separations compare each posture with the next.
-            let second = &set.planned[(k + 1) % set.planned.len()];
-            let at = (posture.actuators.as_slice(), second.actuators.as_slice());
-            samples.push(planned(problem, machine, blank, &posture.name, at)?);
+            // Where none is stated, planned separations compare each posture with the next.
+            let next = &set.planned[(k + 1) % set.planned.len()];
+            let second = posture.second.as_ref().unwrap_or(&next.actuators);
+            if set.kind == Kind::Separation && posture.second.is_none() && set.planned.len() == 1 {
+                return Err(CliError::Usage(format!(
+                    "{}: {}: a separation compares two postures, and only one is planned: state `second`, or plan more",
+                    problem.file, posture.name
+                )));
+            }
+            // What is predicted only adds nothing.
+            if posture.measurement.weight() > 0.0 {
+                let at = (posture.actuators.as_slice(), second.as_slice());
+                samples.push(planned(problem, machine, &*posture.measurement, &posture.name, at)?);
+            }
         }
     }
     Ok(samples)
@@ -203,7 +199,7 @@ fn random(
             let name = format!("posture {}", samples.len() + 1);
             let actuators = next();
             let second = if set.kind == Kind::Separation { next() } else { Vec::new() };
-            samples.push(planned(problem, machine, blank, &name, (&actuators, &second))?);
+            samples.push(planned(problem, machine, &*blank.measurement, &name, (&actuators, &second))?);
         }
     }
     Ok(samples)

@@ -1,6 +1,6 @@
 //! `gough plan`: which postures to measure.
 
-use super::at::with_links_of;
+use super::at::{require_size_of, with_links_of};
 use super::details::digits;
 use super::dispatch::Ending;
 use super::error::CliError;
@@ -121,10 +121,11 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         let plan = plan(mechanism, &candidates.fit, &info, &settings).map_err(design)?;
         Ok::<_, CliError>((candidates, workspace, info.left_out, plan))
     })?;
-    let text = written(mechanism, &problem, set, &instrument, &candidates, &plan.chosen)
+    let text = written(mechanism, &problem, set, &instrument, &candidates, &plan)
         .map_err(|why| CliError::Usage(format!("the plan cannot be written: {why}")))?;
     output.write(&text)?;
-    let told = summary(args, &problem, criterion, (candidates.fit.len(), workspace.fit.len()), &plan);
+    let added = args.add_to_measured.then(|| problem.data.samples.len() - left_out.len());
+    let told = summary(args, &problem, criterion, (candidates.fit.len(), workspace.fit.len(), added), &plan);
     match output {
         Output::Stdout => eprint!("{told}"),
         Output::File(_) => Output::Stdout.write(told.as_bytes())?,
@@ -152,12 +153,18 @@ fn machine(args: &Args, problem: &ProblemFile) -> Result<Mechanism, CliError> {
     let drawn = problem.mechanism.clone();
     let Some(path) = &args.at else { return Ok(drawn) };
     let result = read_model(path)?;
-    with_links_of(drawn, &result.mechanism).ok_or_else(|| {
-        CliError::Usage(format!(
-            "--at {}: its machine has other limbs or joints than {}",
-            result.file, problem.file
-        ))
-    })
+    if result.constants.is_none() {
+        return Err(CliError::Usage(format!(
+            "--at {}: this is a problem file; give the result of an identification",
+            result.file
+        )));
+    }
+    let instrument = result.constants_of(&drawn.instrument)?;
+    let refused = |why| CliError::Usage(format!("--at {}: {why} ({})", result.file, problem.file));
+    let found = Mechanism { instrument, ..result.mechanism.clone() };
+    let placed = with_links_of(drawn, &found).map_err(refused)?;
+    require_size_of(&problem.mechanism, &placed).map_err(refused)?;
+    Ok(placed)
 }
 
 /// The data whose kind of measurement is planned for.
@@ -190,7 +197,7 @@ fn written(
     set: &DataSet,
     instrument: &Instrument,
     candidates: &Candidates,
-    chosen: &[usize],
+    plan: &Plan,
 ) -> io::Result<Vec<u8>> {
     let shown = |i: usize| readings(mechanism, problem.units, &candidates.fit[i].actuators);
     let mut names = mechanism.actuator_names();
@@ -203,15 +210,16 @@ fn written(
         [target, point, plane, gauge].map(|name| name.clone().unwrap_or_default())
     };
     let stated: Vec<usize> =
-        (0..NAMES.len()).filter(|&k| chosen.iter().any(|&i| !referred(i)[k].is_empty())).collect();
-    let row = |&i: &usize| {
+        (0..NAMES.len()).filter(|&k| plan.chosen.iter().any(|&i| !referred(i)[k].is_empty())).collect();
+    let row = |(&i, &reversed): (&usize, &bool)| {
         let mut values = shown(i);
         if two {
-            values.extend(shown(Instrument::second(i, candidates.fit.len())));
+            let second = shown(Instrument::second(i, candidates.fit.len()));
+            values = if reversed { [second, values].concat() } else { [values, second].concat() };
         }
         (values, stated.iter().map(|&k| referred(i)[k].clone()).collect())
     };
-    let rows: Vec<(Vec<f64>, Vec<String>)> = chosen.iter().map(row).collect();
+    let rows: Vec<(Vec<f64>, Vec<String>)> = plan.chosen.iter().zip(&plan.reversed).map(row).collect();
     let named: Vec<&str> = stated.iter().map(|&k| NAMES[k]).collect();
     planned_text(&names, &named, &rows)
 }
@@ -264,7 +272,7 @@ fn summary(
     args: &Args,
     problem: &ProblemFile,
     criterion: Criterion,
-    (candidates, workspace): (usize, usize),
+    (candidates, workspace, added): (usize, usize, Option<usize>),
     plan: &Plan,
 ) -> String {
     let (value, bound) = (digits(plan.value), digits(plan.bound));
@@ -280,9 +288,11 @@ fn summary(
             format!("variance at the worst posture {value}; no {} of them have less than {bound}", args.poses)
         }
     };
-    let added = match args.add_to_measured {
-        true => format!(", added to the {} measured ones", problem.data.samples.len()),
-        false => String::new(),
+    let measured = problem.data.samples.len();
+    let added = match added {
+        None => String::new(),
+        Some(count) if count == measured => format!(", added to the {measured} measured ones"),
+        Some(count) => format!(", added to {count} of the {measured} measured ones"),
     };
     // Rounded down: it is a bound.
     let percent = (plan.efficiency * 1000.0).floor() / 10.0;

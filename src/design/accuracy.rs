@@ -17,7 +17,9 @@ pub struct Expected {
 pub fn expected(info: &Information, information: &Mat<f64>) -> Option<Expected> {
     let covariance = inverse(information)?;
     let by = &info.twists * &covariance;
-    let variance = |row: usize| (0..by.ncols()).map(|j| by[(row, j)] * info.twists[(row, j)]).sum::<f64>();
+    let variance = |row: usize| {
+        info.unseen[row] + (0..by.ncols()).map(|j| by[(row, j)] * info.twists[(row, j)]).sum::<f64>()
+    };
     let part = |first: usize| {
         Spread::of((0..by.nrows() / ROWS).map(|posture| {
             let rows = ROWS * posture + first..ROWS * posture + first + 3;

@@ -41,10 +41,17 @@ impl Instrument {
         candidate % self.blanks.len().max(1)
     }
 
-    /// Index of the candidate with which a candidate is compared, where the instrument compares two postures: half of all
-    /// `count` candidates further on.
+    /// Index of the candidate with which a candidate is compared, where the instrument compares two postures: nearly half
+    /// of all `count` candidates further on. Never exactly half where there are more than two, so that no two candidates
+    /// are one distance read in both directions.
     pub fn second(candidate: usize, count: usize) -> usize {
-        (candidate + count / 2) % count.max(1)
+        let stride = if count == 2 { 1 } else { count.saturating_sub(1) / 2 };
+        (candidate + stride) % count.max(1)
+    }
+
+    /// Whether it compares two postures.
+    pub fn compares(&self) -> bool {
+        self.blanks.iter().any(|blank| blank.second().is_some())
     }
 
     /// What is read at these candidates without noise.
@@ -82,6 +89,11 @@ pub struct Information {
     pub workspace: Mat<f64>,
     /// The same by the tool twist `[w; dp]`, rad and m.
     pub twists: Mat<f64>,
+    /// What the directions that no reading sees add to the variance of each row of `twists`, rad^2 and m^2: they stay at
+    /// the unit prior whatever is measured.
+    pub unseen: Vec<f64>,
+    /// Whether each candidate is a pair of postures, with the second that [`Instrument::second`] says.
+    pub pairs: bool,
     /// Names of postures measured already that take no part, because they do not close as drawn.
     pub left_out: Vec<String>,
 }
@@ -126,8 +138,11 @@ impl Information {
         let (turned, base) = (scaled(turned), prior + by_known.transpose() * &by_known);
         let kept = scale.iter().filter(|scale| is_kept(**scale)).count();
         let workspace = scaled(&seen * directions.get(.., ..k));
+        let lost = &twists * directions.get(.., k..);
+        let unseen = (0..lost.nrows()).map(|row| lost.row(row).iter().map(|v| v * v).sum()).collect();
         let twists = scaled(&twists * directions.get(.., ..k));
-        Ok(Self { rows: turned, base, scale, kept, workspace, twists, left_out })
+        let pairs = instrument.compares();
+        Ok(Self { rows: turned, base, scale, kept, workspace, twists, unseen, pairs, left_out })
     }
 
     /// Whether an average plan knows this coordinate better than the tolerances.

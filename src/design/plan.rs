@@ -4,7 +4,7 @@ use super::accuracy::{Expected, expected};
 use super::candidates::{Candidate, DesignError};
 use super::criterion::Criterion;
 use super::exchange::exchange;
-use super::information::Information;
+use super::information::{Information, Instrument};
 use super::order::short_way;
 use super::relaxation::relax;
 use crate::model::Mechanism;
@@ -29,6 +29,8 @@ pub struct Settings {
 pub struct Plan {
     /// Indices of candidates, in the order in which to visit them.
     pub chosen: Vec<usize>,
+    /// For each of them whether the second of the two postures that are compared is visited first.
+    pub reversed: Vec<bool>,
     /// Exact value of the criterion: `log det(I + J'J)` in tolerances for D, a variance for the others (A, E: in
     /// tolerances squared; G: in units of the noise).
     pub value: f64,
@@ -65,11 +67,14 @@ pub fn plan(
         Criterion::D => (exact - units, bound - units, ((exact - bound) / info.kept.max(1) as f64).exp()),
         _ => (-exact, -bound, bound / exact),
     };
-    let postures: Vec<Vec<f64>> = chosen.iter().map(|&i| candidates[i].actuators.clone()).collect();
-    let order = short_way(&postures, &actuator_ranges(mechanism));
+    let posture = |i: usize| candidates[i].actuators.as_slice();
+    let second = |i: usize| if info.pairs { Instrument::second(i, candidates.len()) } else { i };
+    let stops: Vec<[&[f64]; 2]> = chosen.iter().map(|&i| [posture(i), posture(second(i))]).collect();
+    let order = short_way(&stops, &actuator_ranges(mechanism));
     Ok(Plan {
         accuracy: (expected(info, &info.base), expected(info, &info.of(&chosen))),
-        chosen: order.into_iter().map(|i| chosen[i]).collect(),
+        reversed: order.iter().map(|&(_, reversed)| info.pairs && reversed).collect(),
+        chosen: order.into_iter().map(|(i, _)| chosen[i]).collect(),
         kept: info.kept,
         value,
         bound,

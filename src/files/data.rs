@@ -118,10 +118,12 @@ pub struct SampleDrawing {
 }
 
 impl SampleDrawing {
-    /// Whether nothing was read but the actuators of one posture: it is planned, not measured.
-    pub(super) fn is_planned(&self) -> bool {
-        self.pose.is_empty()
-            && self.second.is_none()
+    /// Whether nothing was read but actuators, of two postures where `kind` compares them: it is planned, not measured. A
+    /// touch has nothing else to read, so that it is always measured.
+    pub(super) fn is_planned(&self, kind: Kind) -> bool {
+        kind != Kind::Plane
+            && self.pose.is_empty()
+            && (self.second.is_none() || kind == Kind::Separation)
             && self.distance.is_none()
             && self.height.is_none()
             && self.joints.is_none()

@@ -102,12 +102,17 @@ pub struct Blank {
 }
 
 /// A posture of which nothing was measured yet.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct PlannedPosture {
     /// Where it stands in its source.
     pub name: String,
     /// Actuator variables (reading - home) in actuator order, rad or m.
     pub actuators: Vec<f64>,
+    /// Those of the posture that it is compared with, where the file states them.
+    pub second: Option<Vec<f64>>,
+    /// What is to be measured there, without readings, weighted by noise and weight. What the file does not name is taken
+    /// in turn from what there is.
+    pub measurement: Arc<dyn Measurement>,
 }
 
 /// The postures that a problem's `data` or `holdout` holds; none where only noise is stated.

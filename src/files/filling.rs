@@ -10,8 +10,9 @@ use super::place::Place;
 use super::readings::variables;
 use super::table::{self, PoseColumns, TableRequest};
 use crate::calibration::Sample;
-use crate::measure::Weighted;
+use crate::measure::{Measurement, Weighted};
 use nalgebra::Matrix6;
+use std::sync::Arc;
 
 /// Least weight of a sample that counts at all, and the inverse of the largest.
 const LIGHTEST: f64 = 1e-6;
@@ -123,13 +124,14 @@ impl Filling<'_> {
         let readings_at = written.part("actuators");
         let Context { mechanism, units, .. } = *self.context;
         let actuators = variables(mechanism, units, &sample.actuators, &readings_at)?;
-        // Where a touch is what was measured, there is nothing else to read.
-        if sample.is_planned() && self.set.kind != Kind::Plane {
-            self.set.planned.push(PlannedPosture { name, actuators });
+        let weight = read_weight(sample.weight, &written.part("weight"))?;
+        if sample.is_planned(self.set.kind) {
+            let measurement = Weighted::by(self.to_be_measured(&written, own)?, weight);
+            let second = sample.second.as_ref().and_then(|_| measurement.second().map(<[f64]>::to_vec));
+            self.set.planned.push(PlannedPosture { name, actuators, second, measurement });
             return Ok(());
         }
         let (measurement, measured) = self.reader.measurement(&written, &self.weight, own)?;
-        let weight = read_weight(sample.weight, &written.part("weight"))?;
         if weight == 0.0 {
             self.set.unused.push(Sample { name, actuators, measurement });
             return Ok(());
@@ -138,6 +140,28 @@ impl Filling<'_> {
         self.set.measured.push(measured);
         self.set.written.push(sample.pose);
         Ok(())
+    }
+
+    /// What a planned sample will measure: what it names, and in turn what it does not.
+    fn to_be_measured(
+        &self,
+        planned: &Written<'_>,
+        own: Option<Matrix6<f64>>,
+    ) -> Result<Arc<dyn Measurement>, FileError> {
+        let sample = planned.sample;
+        let choices = self.reader.blanks(sample);
+        let turn = self.set.planned.len() % choices.len().max(1);
+        let blank = choices.into_iter().nth(turn).unwrap_or_default();
+        let drawing = SampleDrawing {
+            second: sample.second.clone().or(blank.second),
+            target: sample.target.clone().or(blank.target),
+            point: sample.point.clone().or(blank.point),
+            plane: sample.plane.clone().or(blank.plane),
+            gauge: sample.gauge.clone().or(blank.gauge),
+            ..blank
+        };
+        let written = Written { sample: &drawing, at: planned.at, keyed: planned.keyed };
+        Ok(self.reader.measurement(&written, &self.weight, own)?.0)
     }
 
     /// What this set could measure: planning and simulation start from it.

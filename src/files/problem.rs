@@ -14,7 +14,7 @@ use super::place::Place;
 use super::result::{RESULT_FORMAT, ResultFile};
 use super::uncertainty::LinkUncertainty;
 use super::units::Units;
-use crate::model::Mechanism;
+use crate::model::{Constant, Mechanism};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -90,6 +90,8 @@ pub struct Model {
     pub columns: Option<ColumnsDrawing>,
     /// How well the machine of a result is known, where the result says it.
     pub uncertainty: Option<LinkUncertainty>,
+    /// Values of the instrument's constants by name, units of the file, as a result states them; `None` for a problem.
+    pub constants: Option<BTreeMap<String, f64>>,
     /// Whether the identification that a result comes from converged; `true` for a problem.
     pub converged: bool,
 }
@@ -188,7 +190,7 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
     let file = path.display().to_string();
     let at = Place::file(&file);
     let head = Head::read(&file, bytes)?;
-    let mut converged = true;
+    let (mut converged, mut constants) = (true, None);
     let (name, units, mechanism, columns, uncertainty) = match head.format() {
         Some(PROBLEM_FORMAT) => {
             let problem: ProblemDrawing = json::parse(&file, bytes)?;
@@ -198,6 +200,8 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
         Some(RESULT_FORMAT) => {
             let result: ResultFile = json::parse(&file, bytes)?;
             converged = result.converged;
+            let values = result.instrument.into_iter().map(|constant| (constant.name, constant.value));
+            constants = Some(values.collect());
             (result.problem, result.units, result.mechanism, None, result.uncertainty)
         }
         _ => return Err(head.wrong(&file, "gough-problem/1 or gough-result/1")),
@@ -206,7 +210,16 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
     let links = mechanism.component_count() / 6;
     let at_uncertainty = at.key("uncertainty");
     let uncertainty = uncertainty.map(|u| u.read(links, units, &at_uncertainty)).transpose()?;
-    Ok(Model { name, units, mechanism, columns, uncertainty, converged, file: file.clone() })
+    Ok(Model { name, units, mechanism, columns, uncertainty, constants, converged, file: file.clone() })
+}
+
+impl Model {
+    /// These constants of an instrument with the values that a result found; those that it does not know stay.
+    pub fn constants_of(&self, drawn: &[Constant]) -> Result<Vec<Constant>, FileError> {
+        let mut known = self.constants.clone().unwrap_or_default();
+        known.retain(|name, _| drawn.iter().any(|constant| constant.name() == *name));
+        true_constants(drawn, &known, self.units, &Place::file(&self.file).key("instrument"))
+    }
 }
 
 #[derive(Deserialize)]
