@@ -152,8 +152,16 @@ fn measurements() {
         ran.stderr
     };
     assert!(message("q1=J1,x=X").contains("no column for `arm.shoulder`"));
+    let semicolons = folder.path().join("semicolons.csv");
+    fs::write(&semicolons, "J1;J2;J3\n0;0;0\n").unwrap();
+    let ran = gough("import csv {0} --problem {1} --map q1=J1", &[&semicolons, &problem]);
+    assert!(
+        ran.status == 2 && ran.stderr.contains("semicolons.csv: line 1") && ran.stderr.contains("';'"),
+        "{ran:?}"
+    );
     assert!(message(&map.replace(",y=Y", "")).contains("no column for `y`: map it with --map y=NAME"));
-    assert!(message(&map.replace("y=Y", "y=YY")).contains("no column for `y`"));
+    assert!(message(&map.replace("y=Y", "y=YY")).contains("--map y=YY: `YY` is not a column of"));
+    assert!(message(&map.replace("y=Y", "y=YY")).contains("which are J1, J2, J3, J4, J5, J6, X, Y, Z"));
     assert!(message(&map.replace("y=Y", "height=Y")).contains("`height` is none of our columns"));
     assert!(message(&map.replace("y=Y", "y=Y,y=Z")).contains("y is given twice"));
     assert!(message(&map.replace("y=Y", "y")).contains("write it as NAME=NAME"));

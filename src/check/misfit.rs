@@ -3,11 +3,12 @@
 //! Loops that do not close have no predicted pose. So every limb is brought to the measured pose by itself: its
 //! passive joints move until its tool is as near as the actuators' readings let it come, and what is left counts.
 
+use crate::identify::registration::FreeEnds;
 use crate::lie::{Se3, so3};
 use crate::measure::Pose;
 use crate::model::inverse::passive_at_pose;
 use crate::model::mechanism::pose_difference;
-use crate::model::{Mechanism, Posture};
+use crate::model::{Mechanism, Posture, Prior};
 use crate::simulate::{close, draw_deviations, draw_postures};
 use crate::statistics::median;
 use nalgebra::{Matrix3, Matrix6, Vector3};
@@ -77,6 +78,19 @@ pub fn misfits(mechanism: &Mechanism, data: &[Reading]) -> Vec<f64> {
             if size.is_finite() { size } else { f64::INFINITY }
         })
         .collect()
+}
+
+/// Whether links are free that are no end of the whole machine: registration does not place these, and they explain
+/// whatever misfit they make.
+pub fn has_free_links(mechanism: &Mechanism) -> bool {
+    let ends = FreeEnds::of(mechanism);
+    mechanism.limbs.iter().any(|limb| {
+        let last = limb.links.len().saturating_sub(1);
+        limb.links.iter().enumerate().any(|(k, link)| {
+            let placed = k == 0 && ends.base || k == last && ends.tool;
+            !placed && (link.tolerance.angle == Prior::Free || link.tolerance.length == Prior::Free)
+        })
+    })
 }
 
 /// Misfits that tolerances and noise explain, m.

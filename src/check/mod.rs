@@ -10,6 +10,6 @@ pub mod search;
 
 pub use comparison::{Compared, compared};
 pub use correction::Correction;
-pub use misfit::{Expected, Reading, expected, misfits};
+pub use misfit::{Expected, Reading, expected, has_free_links, misfits};
 pub use repeats::{Repeats, repeats};
 pub use search::{Finding, corrected, search};

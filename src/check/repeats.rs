@@ -6,6 +6,8 @@ use nalgebra::Vector3;
 
 /// Readings that agree to this, relative to their size, are the same.
 const SAME: f64 = 1e-12;
+/// Repeats that scatter by less than this part of the stated noise are one reading, copied.
+const COPIED: f64 = 1e-6;
 
 /// Pooled noise of groups of equal readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +25,12 @@ pub struct Repeats {
 }
 
 impl Repeats {
+    /// Whether nothing that was measured differs within any group, beside the stated noise (`length` in m, `angle` in
+    /// rad): the readings are copies.
+    pub fn are_copies(&self, length: f64, angle: f64) -> bool {
+        self.length <= COPIED * length && self.angle.is_none_or(|found| found <= COPIED * angle)
+    }
+
     /// How many of its own standard errors the variance of a pooled value `found` is from that of the `stated` one.
     pub fn surprise(&self, found: f64, stated: f64) -> f64 {
         ((found / stated).powi(2) - 1.0) * (self.freedom as f64 / 2.0).sqrt()

@@ -18,6 +18,8 @@ use std::path::PathBuf;
 const SIZES: std::ops::Range<f64> = 0.003..60.0;
 /// Standard errors by which repeated postures may differ from the stated noise.
 const SURPRISE: f64 = 4.0;
+/// Stated noise, in terms of what repeats show, above which the ratio says nothing.
+const MOST: f64 = 1e3;
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -41,7 +43,11 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let data = readings(&problem);
     let mut suspicious = false;
     if problem.data.is_empty() {
-        text.push_str("\nno measurements to compare the drawing with\n");
+        text.push_str("\nno measurements to compare the drawing with");
+        if !problem.data.unused.is_empty() {
+            let _ = write!(text, ": {} of weight 0", counted(problem.data.unused.len(), "sample"));
+        }
+        text.push('\n');
     } else {
         let all: Vec<Reading> = problem.data.samples.iter().map(|sample| bare(&problem, sample)).collect();
         actuators(&problem, &all, &mut text);
@@ -203,17 +209,28 @@ fn noise(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
     text.push_str(" per component\n");
     let Some(stated) = problem.data.noise else { return false };
     let sigma = |from: usize| ((from..from + 3).map(|i| stated[(i, i)]).sum::<f64>() / 3.0).sqrt();
+    if found.are_copies(sigma(3), sigma(0)) {
+        text.push_str(
+            "suspicious: these repeats are identical; a reading that is copied is no repeat and tells nothing of the noise: \
+             leave the copies out, or measure again\n",
+        );
+        return true;
+    }
     let mut surprising = false;
     for (what, found_sigma, stated) in
         [("length", Some(found.length), sigma(3)), ("angle", found.angle, sigma(0))]
     {
         let Some(value) = found_sigma else { continue };
         if found.surprise(value, stated).abs() > SURPRISE {
-            let _ = writeln!(
-                text,
-                "  the stated noise in {what} is {:.2} of that: correct data.noise",
-                stated / value
-            );
+            let _ = match stated / value {
+                ratio if ratio < MOST => {
+                    writeln!(text, "  the stated noise in {what} is {ratio:.2} of that: correct data.noise")
+                }
+                _ => writeln!(
+                    text,
+                    "  the repeats agree in {what} far beyond the stated noise: are they copies?"
+                ),
+            };
             surprising = true;
         }
     }

@@ -4,8 +4,11 @@ use super::check::joints;
 use super::wording::{counted, listed};
 use crate::calibration::Sample;
 use crate::check::offsets::offsets;
-use crate::check::{Correction, Finding, Reading, compared, corrected, expected, misfits, search};
-use crate::files::{Kind, ProblemFile};
+use crate::check::{
+    Compared, Correction, Finding, Reading, compared, corrected, expected, has_free_links, misfits, search,
+};
+use crate::files::{Kind, ProblemFile, Units};
+use crate::identify::registration::FreeEnds;
 use crate::statistics::median;
 use std::fmt::Write;
 
@@ -19,7 +22,8 @@ const OUTSTANDING: f64 = 3.0;
 const FEW: usize = 4;
 /// Part of the largest offset below which an actuator's own is what tolerances make.
 const SMALL: f64 = 0.2;
-/// Error of readings other than poses, in machine sizes or rad, above which something is wrong.
+/// Error in machine sizes or rad above which something is wrong, whatever the tolerances: of the median reading that is
+/// less than a pose, and of poses where free links explain any misfit.
 const FAR: f64 = 0.05;
 
 /// How far the drawing is from poses and positions, and which mistake would explain it; whether there is one.
@@ -29,8 +33,13 @@ pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String)
     let position_only = data.iter().all(|reading| reading.rotation.is_none());
     let explained = expected(mechanism, problem.data.noise.as_ref(), position_only);
     let size = mechanism.characteristic_length();
-    let limit = if stated { explained.median } else { UNSTATED * size };
-    let single = if stated { explained.single } else { OUTSTANDING * limit };
+    let free = has_free_links(mechanism);
+    let limit = match (stated, free) {
+        (false, _) => UNSTATED * size,
+        (true, true) => explained.median.max(FAR * size),
+        (true, false) => explained.median,
+    };
+    let single = if stated { explained.single.max(limit) } else { OUTSTANDING * limit };
     let shown = |metres: f64| {
         if metres.is_finite() {
             format!("{:.4} {}", problem.units.from_metres(metres), problem.units.length_symbol())
@@ -39,13 +48,19 @@ pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String)
         }
     };
     let finding = search(mechanism, data, limit);
-    let all = misfits(mechanism, data);
+    // As the median is: with free ends where the data place them.
+    let all = corrected(mechanism, data, &[])
+        .map_or_else(|| misfits(mechanism, data), |(mechanism, data)| misfits(&mechanism, &data));
     let _ = writeln!(
         text,
-        "\ndrawing against {}: median {}; {} explain up to {} (rotations count with the machine's size, {})",
+        "\ndrawing against {}: median {}; {} {} (rotations count with the machine's size, {})",
         if position_only { "positions" } else { "poses" },
         shown(finding.before),
-        if stated { "tolerances and noise" } else { "no tolerances are stated; 1 % of the size would" },
+        match (stated, free) {
+            (false, _) => "no tolerances are stated; 1 % of the size would explain up to",
+            (true, true) => "\"free\" links explain any misfit of theirs; mistakes are sought above",
+            (true, false) => "tolerances and noise explain up to",
+        },
         shown(limit),
         shown(size)
     );
@@ -56,7 +71,11 @@ pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String)
     };
     let worst = by_size(&all);
     let worst = worst.iter().take(WORST).map(|&k| format!("{} {}", data[k].name, shown(all[k])));
-    let _ = writeln!(text, "  worst as drawn: {}", worst.collect::<Vec<_>>().join(", "));
+    let placed = match FreeEnds::of(mechanism) {
+        FreeEnds { base: false, tool: false } => "worst as drawn",
+        _ => "worst, with free ends where the data place them",
+    };
+    let _ = writeln!(text, "  {placed}: {}", worst.collect::<Vec<_>>().join(", "));
     let mistaken = finding.before > limit;
     if mistaken {
         text.push('\n');
@@ -152,14 +171,12 @@ pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String)
     let size = problem.mechanism.characteristic_length();
     let mut suspicious = false;
     for kind in &kinds {
-        let shown = |v: f64| match kind.angular {
-            true => format!("{:.6} {}", units.from_radians(v), units.angle_symbol()),
-            false => format!("{:.6} {}", units.from_metres(v), units.length_symbol()),
-        };
+        let shown = |v: f64| error_in(units, kind.angular, v);
         let worst = kind.errors.iter().take(WORST).map(|(name, error)| format!("{name} {}", shown(*error)));
         let worst = worst.collect::<Vec<_>>().join(", ");
         let _ = writeln!(text, "  {}: median error {}; worst {worst}", kind.what, shown(kind.median()));
-        if kind.median() > FAR * if kind.angular { 1.0 } else { size } {
+        let whole = if kind.angular { 1.0 } else { size };
+        if kind.median() > FAR * whole {
             suspicious = true;
             let what = kind.what;
             let _ = writeln!(
@@ -167,6 +184,13 @@ pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String)
                 "suspicious: the readings of kind {what} are far from what the drawing predicts; check their units and \
                  signs, the order of the actuators, and what they refer to"
             );
+        } else {
+            let explained = match (problem.require_tolerances().is_ok(), has_free_links(&problem.mechanism)) {
+                (false, _) => OUTSTANDING * UNSTATED * whole,
+                (true, true) => kind.explained.max(FAR * whole),
+                (true, false) => kind.explained,
+            };
+            suspicious |= outstanding(kind, explained, units, text);
         }
     }
     if !open.is_empty() {
@@ -180,4 +204,33 @@ pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String)
         }
     }
     suspicious
+}
+
+/// An error in rad or m as it is shown.
+fn error_in(units: Units, angular: bool, value: f64) -> String {
+    match angular {
+        true => format!("{:.6} {}", units.from_radians(value), units.angle_symbol()),
+        false => format!("{:.6} {}", units.from_metres(value), units.length_symbol()),
+    }
+}
+
+/// Names the samples whose error is far beyond the median and beyond `explained` (rad or m); whether there are any.
+fn outstanding(kind: &Compared, explained: f64, units: Units, text: &mut String) -> bool {
+    let threshold = explained.max(OUTSTANDING * kind.median());
+    let far: Vec<String> = (kind.errors.iter().filter(|(_, error)| *error > threshold))
+        .map(|(name, error)| format!("{name} ({})", error_in(units, kind.angular, *error)))
+        .collect();
+    if far.is_empty() || kind.errors.len() < FEW {
+        return false;
+    }
+    let (number, verb) = (counted(far.len(), "sample"), if far.len() == 1 { "stands" } else { "stand" });
+    let _ = writeln!(
+        text,
+        "suspicious: {number} of kind {} {verb} out from the others ({} is explained): {}; check what they refer to and \
+         what was read",
+        kind.what,
+        error_in(units, kind.angular, explained),
+        listed(&far)
+    );
+    true
 }

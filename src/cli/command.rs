@@ -5,6 +5,7 @@ use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
 use super::ranges::warn_unless_converged;
+use super::wording::not_reached;
 use crate::files::{
     CommandedPose, Model, Output, PosesFormat, commands_text, read_model, read_wanted, readings,
 };
@@ -73,7 +74,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
                     residual: found.residual,
                 });
             }
-            Err(why) => away.push(format!("{}: {why}", wanted.name)),
+            Err(why) => away.push(format!("{}: {}", wanted.name, not_reached(&why, model.units))),
         }
     }
     let file = args.poses.display();

@@ -111,6 +111,12 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             names.join(", ")
         )));
     }
+    if let Outcome::Failed(Failure::Unsuited(why)) = &found.report.outcome {
+        return Err(CliError::Usage(format!(
+            "{}: {} does not suit this problem: {why}; choose another --solver",
+            problem.file, found.report.identifier
+        )));
+    }
     if let (true, Some(first)) = (args.require_all, found.set_aside.first()) {
         return Err(CliError::SetAside {
             file: problem.file.clone(),

@@ -99,11 +99,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
 }
 
 fn header(path: &std::path::Path) -> Result<Vec<String>, CliError> {
-    let bytes = table::read(path)?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
-    let record = reader
-        .headers()
-        .map_err(|why| CliError::Usage(format!("{}: not a CSV table: {why}", path.display())))?;
+    let record = table::header(&path.display().to_string(), &table::read(path)?)?;
     Ok(record.iter().map(|name| name.trim_start_matches('\u{feff}').to_owned()).collect())
 }
 
@@ -162,6 +158,12 @@ impl Map {
             return Err(CliError::Usage(format!("--map: `{unknown}` is none of our columns: {known}")));
         }
         let has = |name: &str| header.iter().any(|found| found == name);
+        if let Some((ours, theirs)) = self.0.iter().find(|(_, theirs)| !has(theirs)) {
+            return Err(CliError::Usage(format!(
+                "--map {ours}={theirs}: `{theirs}` is not a column of {file}, which are {}",
+                header.join(", ")
+            )));
+        }
         let column = |ours: &[&str]| {
             let named = ours.iter().find(|ours| self.0.contains_key(**ours));
             let present = ours.iter().find(|ours| has(ours));

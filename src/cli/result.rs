@@ -12,6 +12,10 @@ use crate::files::summary::{
 };
 use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Variance};
+use crate::model::{Prior, Tolerance};
+
+/// Part of its tolerance below which a component without error is a rounded zero.
+const ROUNDING: f64 = 1e-9;
 
 impl From<identify::Counts> for Counts {
     fn from(counts: identify::Counts) -> Self {
@@ -43,6 +47,11 @@ fn errors(fit: Option<Fit>, units: Units) -> PoseErrors {
 fn entries(set_aside: &[SetAside], units: Units) -> Vec<SetAsideEntry> {
     let entry = |s: &SetAside| SetAsideEntry { sample: s.name.clone(), reason: reason(&s.reason, units) };
     set_aside.iter().map(entry).collect()
+}
+
+/// Components of link `k` among those of all.
+fn six(k: usize, of: &[f64]) -> Option<[f64; 6]> {
+    of.get(6 * k..6 * k + 6).and_then(|s| <[f64; 6]>::try_from(s).ok())
 }
 
 fn before_after(pair: (Option<Fit>, Option<Fit>), units: Units) -> Option<BeforeAfter> {
@@ -138,10 +147,18 @@ impl Summary<'_> {
             self.found.variances.as_ref().map(|all| all.iter().map(Variance::prior_share).collect());
         let names =
             self.found.start.limbs.iter().flat_map(|limb| limb.links.iter().map(|l| (&limb.name, &l.name)));
+        let zeros = self.rounding_zeros(std.as_deref());
         for (k, (limb, link)) in names.enumerate() {
-            let six = |of: &[f64]| of.get(6 * k..6 * k + 6).and_then(|s| <[f64; 6]>::try_from(s).ok());
-            let Some(deviation) = six(&self.found.deviations) else { continue };
-            let std = std.as_deref().and_then(six);
+            let six = |of: &[f64]| six(k, of);
+            let rounded = |mut of: [f64; 6]| {
+                of.iter_mut()
+                    .zip(zeros.iter().skip(6 * k))
+                    .filter(|(_, zero)| **zero)
+                    .for_each(|(v, _)| *v = 0.0);
+                of
+            };
+            let Some(deviation) = six(&self.found.deviations).map(rounded) else { continue };
+            let std = std.as_deref().and_then(six).map(rounded);
             links.push(LinkResult {
                 limb: limb.clone(),
                 link: link.clone(),
@@ -150,7 +167,7 @@ impl Summary<'_> {
                 scaled_std: scaled
                     .as_deref()
                     .and_then(six)
-                    .map(|std| Deviation::of(&std, self.problem.units)),
+                    .map(|std| Deviation::of(&rounded(std), self.problem.units)),
                 prior_share: shares
                     .as_deref()
                     .and_then(six)
@@ -158,6 +175,22 @@ impl Summary<'_> {
             });
         }
         links
+    }
+
+    /// Which components are zero by convention (redundant, so that neither data nor tolerances move them), and differ
+    /// from it by rounding alone: deviation and standard error `std` are both far below the tolerance.
+    fn rounding_zeros(&self, std: Option<&[f64]>) -> Vec<bool> {
+        let links = self.found.start.limbs.iter().flat_map(|limb| &limb.links);
+        let priors = links.flat_map(|link| {
+            let Tolerance { angle, length } = link.tolerance;
+            [angle, angle, angle, length, length, length]
+        });
+        let (Some(std), deviations) = (std, &self.found.deviations) else { return Vec::new() };
+        let zero = |((prior, d), std): ((Prior, &f64), &f64)| match prior {
+            Prior::Sigma(sigma) => d.abs() < ROUNDING * sigma && *std < ROUNDING * sigma,
+            Prior::Held | Prior::Free => false,
+        };
+        priors.zip(deviations).zip(std).map(zero).collect()
     }
 
     /// The instrument's constants as identified.

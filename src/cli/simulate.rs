@@ -3,6 +3,7 @@
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::ranges::warn_of_home;
+use super::wording::counted;
 use crate::compare::draw::{check_recipe, simulate_by, simulate_sets_by};
 use crate::files::problem::parse_problem;
 use crate::files::{
@@ -78,7 +79,10 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         each => {
             let (found, wanted) = (each.len(), sets.len());
             return Err(CliError::Usage(format!(
-                "--poses: {found} numbers for {wanted} sets; give one or {wanted}"
+                "--poses: {} for {}; give one number{}",
+                counted(found, "number"),
+                counted(wanted, "set"),
+                if wanted > 1 { format!(" for all of them, or {wanted}") } else { String::new() },
             )));
         }
     };

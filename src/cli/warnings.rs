@@ -5,10 +5,13 @@ use super::summary::Summary;
 use super::wording::{counted, listed};
 use crate::identify::Verdict;
 use crate::identify::run::NearSingular;
+use crate::model::Prior;
 use crate::solve::{ActiveBound, Outcome};
 
 /// Tolerances beyond which a deviation is remarked on.
 const FAR_OFF: f64 = 10.0;
+/// Tolerances, in rad or machine sizes, beyond which they are loose.
+const LOOSE: f64 = 0.03;
 
 impl Summary<'_> {
     /// What deserves attention.
@@ -18,9 +21,12 @@ impl Summary<'_> {
         let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
         if !found.report.outcome.converged() {
             let hint = match found.report.outcome {
-                Outcome::OutOfIterations => {
+                Outcome::OutOfIterations if self.is_loose() => {
                     "; tolerances far looser than the machine, or \"free\" links limb by limb, leave valleys that \
                      take many steps: state what is known"
+                }
+                Outcome::OutOfIterations => {
+                    "; look for postures that stand out, and for mistakes of units, home and actuator order (gough check)"
                 }
                 _ => "",
             };
@@ -150,9 +156,26 @@ impl Summary<'_> {
             ));
         }
         if active.len() > SHOWN {
-            let more = counted(active.len() - SHOWN, "further component");
+            let links: Vec<String> = (found.start.limbs.iter())
+                .flat_map(|limb| limb.links.iter().map(|link| format!("{}.{}", limb.name, link.name)))
+                .collect();
+            let of_links = active.iter().skip(SHOWN).all(|bound| links.contains(&bound.name));
+            let what = if of_links { "further link" } else { "further component" };
+            let more = counted(active.len() - SHOWN, what);
             warnings.push(format!("{more} at their bounds, with smaller multipliers: see active_bounds"));
         }
         warnings
+    }
+
+    /// Whether links are free, or their tolerances large beside the machine.
+    fn is_loose(&self) -> bool {
+        let size = self.found.start.characteristic_length();
+        let loose = |prior: Prior, size: f64| match prior {
+            Prior::Free => true,
+            Prior::Sigma(sigma) => sigma > LOOSE * size,
+            Prior::Held => false,
+        };
+        let mut links = self.found.start.limbs.iter().flat_map(|limb| &limb.links);
+        links.any(|link| loose(link.tolerance.angle, 1.0) || loose(link.tolerance.length, size))
     }
 }

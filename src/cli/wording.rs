@@ -4,7 +4,9 @@ use crate::design::Unfit;
 use crate::files::Units;
 use crate::identify::IdentifyError;
 use crate::model::NotClosed;
+use crate::model::command::NotReached;
 pub use crate::render::text::counted;
+use crate::render::text::digits;
 
 /// Names that a list shows before it breaks off.
 const SHOWN: usize = 10;
@@ -30,6 +32,23 @@ pub fn reason(why: &NotClosed, units: Units) -> String {
             counted(*iterations, "Newton step"),
         ),
         other => other.to_string(),
+    }
+}
+
+/// Why a pose cannot be commanded, in units of the file.
+pub fn not_reached(why: &NotReached, units: Units) -> String {
+    match why {
+        NotReached::Start(why) => {
+            format!("the posture from which the pose is sought does not close: {}", reason(why, units))
+        }
+        NotReached::Away { rotation, translation } => format!(
+            "out of reach: the closest posture is {} {} and {} {} away",
+            digits(units.from_radians(*rotation), 4),
+            units.angle_symbol(),
+            digits(units.from_metres(*translation), 4),
+            units.length_symbol(),
+        ),
+        NotReached::OtherMode => why.to_string(),
     }
 }
 

@@ -33,10 +33,10 @@ pub enum Fault {
         plain(*found), plain(*least), plain(*most)
     )]
     Weight { found: f64, least: f64, most: f64 },
-    #[error("{0} is negative; give a standard deviation, 0 to hold the link, or \"free\"")]
+    #[error("{0} is negative; give a standard deviation, 0 to keep it as drawn, or \"free\"")]
     NegativeTolerance(f64),
     #[error(
-        "{value:e} {unit} is too small for a tolerance; give at least {least:e} {unit}, or 0 to hold the link"
+        "{value:e} {unit} is too small for a tolerance; give at least {least:e} {unit}, or 0 to keep it as drawn"
     )]
     SmallTolerance { value: f64, least: f64, unit: &'static str },
     #[error("{0} is negative; give the largest size that a component may have")]
@@ -157,6 +157,13 @@ pub enum Fault {
     NestedHoldout,
     #[error("no measured poses; give \"samples\", or \"file\" with the name of a CSV file")]
     NoSamples,
+    #[error(
+        "no measured poses to use: {} of weight 0, which is predicted, never used; give some of them a weight",
+        if *.0 == 1 { "the only sample is".to_owned() } else { format!("all {} samples are", .0) }
+    )]
+    AllUnused(usize),
+    #[error("{0} is below zero, which no distance is: the gauge reads {1} where there is none")]
+    NegativeDistance(f64, f64),
     #[error(
         "no such data file; looked for {0}; put it beside the problem file, name its folder with --data-dir, or \
          set GOUGH_SHARED to the folder that has it under data/"

@@ -15,9 +15,12 @@ use crate::lie::{Se3, so3};
 use crate::measure::{
     Distance, Gauge, Measurement, PassiveJoints, Point, Position, SensedJoint, Separation, Touch,
 };
-use crate::model::{Joint, Mechanism, Motion};
+use crate::model::{Joint, Mechanism, Motion, Prior};
 use nalgebra::{Matrix6, Vector3};
 use std::sync::Arc;
+
+/// Standard deviations by which a distance may be read below zero.
+const SPREADS: f64 = 10.0;
 
 /// A sensed joint: where it stands in the machine, its name in files, and the joint.
 #[derive(Clone, Debug)]
@@ -152,19 +155,21 @@ impl Reader<'_> {
                 Ok((Arc::new(position.map_err(positive)?), nothing))
             }
             Kind::Distance => {
-                let reading = self.distance(of)?;
+                let gauge = self.gauge(of)?;
+                let reading = self.distance(of, &gauge, length)?;
                 let point = named(&self.instrument.points, of.sample.point.as_deref(), "point", None, of.at)?;
-                let measurement = Distance::new(reading, self.target(of)?, point, self.gauge(of)?, length);
+                let measurement = Distance::new(reading, self.target(of)?, point, gauge, length);
                 Ok((Arc::new(measurement), nothing))
             }
             Kind::Separation => {
-                let reading = self.distance(of)?;
+                let gauge = self.gauge(of)?;
+                let reading = self.distance(of, &gauge, length)?;
                 let at = of.part("second");
                 let Some(second) = &of.sample.second else {
                     return Err(of.at.error(Fault::NoNumber("second", self.kind.name())));
                 };
                 let second = variables(self.mechanism, units, second, &at)?;
-                let measurement = Separation::new(reading, second, self.target(of)?, self.gauge(of)?, length);
+                let measurement = Separation::new(reading, second, self.target(of)?, gauge, length);
                 Ok((Arc::new(measurement), nothing))
             }
             Kind::Plane => {
@@ -196,12 +201,23 @@ impl Reader<'_> {
         }
     }
 
-    fn distance(&self, of: &Written<'_>) -> Result<f64, FileError> {
+    /// The distance read, m; below zero only as far as the gauge's zero and noise of `sigma` (m) may take it.
+    fn distance(&self, of: &Written<'_>, gauge: &Gauge, sigma: f64) -> Result<f64, FileError> {
         let at = of.part("distance");
-        match of.sample.distance {
-            Some(distance) => self.units.length(distance, &at),
-            None => Err(of.at.error(Fault::NoNumber("distance", self.kind.name()))),
+        let Some(stated) = of.sample.distance else {
+            return Err(of.at.error(Fault::NoNumber("distance", self.kind.name())));
+        };
+        let distance = self.units.length(stated, &at)?;
+        let of_zero = gauge.zero_constant.and_then(|k| self.instrument.constants.get(k)).map(|c| c.prior);
+        let spread = match of_zero {
+            None | Some(Prior::Held) => sigma,
+            Some(Prior::Sigma(zero)) => sigma.hypot(zero),
+            Some(Prior::Free) => f64::INFINITY,
+        };
+        if gauge.scale > 0.0 && distance < gauge.zero.min(0.0) - SPREADS * spread {
+            return Err(at.error(Fault::NegativeDistance(stated, self.units.from_metres(gauge.zero))));
         }
+        Ok(distance)
     }
 
     fn target(&self, of: &Written<'_>) -> Result<Point, FileError> {

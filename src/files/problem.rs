@@ -279,7 +279,11 @@ impl ProblemFile {
             }
         }
         if self.data.is_empty() {
-            Err(Place::file(&self.file).key("data").error(Fault::NoSamples))
+            let fault = match self.data.unused.len() {
+                0 => Fault::NoSamples,
+                unused => Fault::AllUnused(unused),
+            };
+            Err(Place::file(&self.file).key("data").error(fault))
         } else {
             Ok(())
         }

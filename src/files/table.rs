@@ -83,18 +83,32 @@ pub fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     read_bytes(path, |beginning| check_beginning(&name, beginning))
 }
 
-/// The rows that count of the table that `bytes` of the file called `file` hold.
-pub fn parse(file: &str, bytes: &[u8], request: &TableRequest<'_>) -> Result<Vec<TableRow>, FileError> {
-    check_beginning(file, bytes)?;
-    let whole = Place::file(file);
-    let mut lines = Lines { bytes, byte: 0, line: 1 };
-    let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(bytes);
+fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
+    csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(bytes)
+}
+
+/// Names of the columns of the table that `bytes` of the file called `file` hold.
+pub fn header(file: &str, bytes: &[u8]) -> Result<StringRecord, FileError> {
+    checked_header(&mut reader(bytes), &Place::file(file))
+}
+
+fn checked_header(reader: &mut csv::Reader<&[u8]>, whole: &Place<'_>) -> Result<StringRecord, FileError> {
     let header = reader.headers().map_err(|why| whole.error(Fault::Table(why.to_string())))?.clone();
     if let [only] = header.iter().collect::<Vec<_>>().as_slice()
         && let Some(separator) = [';', '\t', '|'].into_iter().find(|separator| only.contains(*separator))
     {
         return Err(whole.line(1).error(Fault::Separator(separator)));
     }
+    Ok(header)
+}
+
+/// The rows that count of the table that `bytes` of the file called `file` hold.
+pub fn parse(file: &str, bytes: &[u8], request: &TableRequest<'_>) -> Result<Vec<TableRow>, FileError> {
+    check_beginning(file, bytes)?;
+    let whole = Place::file(file);
+    let mut lines = Lines { bytes, byte: 0, line: 1 };
+    let mut reader = reader(bytes);
+    let header = checked_header(&mut reader, &whole)?;
     let layout = Layout::find(header.iter().collect(), request, &whole.line(1))?;
     let mut rows = Vec::new();
     let mut met: Vec<BTreeSet<String>> = vec![BTreeSet::new(); layout.filter.len()];

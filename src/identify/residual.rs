@@ -101,23 +101,26 @@ impl ChiSquareTest {
 
     /// What the test says, in a sentence without its full stop.
     pub fn sentence(&self) -> String {
-        let ratio = self.ratio();
+        let ratio = match self.ratio() {
+            ratio if ratio < 1e-3 => "less than 0.001".to_owned(),
+            ratio => format!("{ratio:.3}"),
+        };
         let what = match self.verdict {
             Verdict::Explained => "the stated noise explains the residual".to_owned(),
             Verdict::Overstated => format!(
-                "the residual is {ratio:.3} times what the stated noise makes it: noise overstated, or readings that \
+                "the residual is {ratio} times what the stated noise makes it: noise overstated, or readings that \
                  are not independent"
             ),
             Verdict::Understated => format!(
-                "the residual is {ratio:.3} times what the stated noise makes it: noise understated, or errors that the \
+                "the residual is {ratio} times what the stated noise makes it: noise understated, or errors that the \
                  model does not have and that neighbouring postures do not share"
             ),
             Verdict::Outliers => format!(
-                "the residual is {ratio:.3} times what the stated noise makes it, because of the few postures that \
+                "the residual is {ratio} times what the stated noise makes it, because of the few postures that \
                  stand out"
             ),
             Verdict::Incomplete => format!(
-                "the residual is {ratio:.3} times what the stated noise makes it, and neighbouring postures err \
+                "the residual is {ratio} times what the stated noise makes it, and neighbouring postures err \
                  alike: the machine has errors that the model does not have"
             ),
         };

@@ -51,11 +51,15 @@ impl Component {
 /// Two figures and the table of all components.
 pub(super) fn section(result: &ResultFile, model: &Model) -> Section {
     let all = components(result, model);
-    let mut section = Section::new("Link deviations").with(Part::Text(
+    let intervals = if has_intervals(&all) {
+        "Intervals are 95 %; what the data cannot see keeps the width of its tolerance."
+    } else {
+        "The result has no standard errors, so that no intervals are drawn."
+    };
+    let mut section = Section::new("Link deviations").with(Part::Text(format!(
         "Each link deviates from the drawing by a small rotation (rx, ry, rz) and translation (x, y, z) in the frame of \
-         the joint that it carries. Intervals are 95 %; what the data cannot see keeps the width of its tolerance."
-            .into(),
-    ));
+         the joint that it carries. {intervals}"
+    )));
     section.parts.push(Part::Figure(largest(&all)));
     section.parts.push(Part::Figure(overview(&all)));
     section.parts.push(Part::Table(table(result, &all)));
@@ -107,6 +111,15 @@ fn components(result: &ResultFile, model: &Model) -> Vec<Component> {
     all
 }
 
+fn has_intervals(all: &[Component]) -> bool {
+    all.iter().any(|c| c.std.is_some())
+}
+
+/// How the figures' captions begin.
+fn in_tolerances(all: &[Component]) -> &'static str {
+    if has_intervals(all) { "In tolerances, with 95 % intervals" } else { "In tolerances" }
+}
+
 fn point(x: f64, value: f64, std: Option<f64>) -> Point {
     let point = Point::new(x, value);
     std.map_or(point, |std| point.between(value - INTERVAL * std, value + INTERVAL * std))
@@ -132,7 +145,7 @@ fn largest(all: &[Component]) -> Figure {
         Axis::linear("deviation / tolerance"),
         Axis::categories("", names),
     )
-    .captioned("In tolerances, with 95 % intervals; the broken lines are one tolerance.")
+    .captioned(format!("{}; the broken lines are one tolerance.", in_tolerances(all)))
     .shaped(Shape::Rows(scaled.len()))
     .with(Series { name: String::new(), kind: Kind::Points, style: Style::numbered(0), points })
     .with_line(ReferenceLine::X(-1.0, String::new()))
@@ -148,9 +161,7 @@ fn overview(all: &[Component]) -> Figure {
         Axis::whole("component").spanning(0.0, all.len() as f64 + 1.0),
         Axis::linear("deviation / tolerance"),
     )
-    .captioned(
-        "In tolerances, with 95 % intervals. Held components and those without a tolerance are left out.",
-    )
+    .captioned(format!("{}. Held components and those without a tolerance are left out.", in_tolerances(all)))
     .shaped(Shape::Wide);
     let limbs = all.iter().map(|c| c.limb + 1).max().unwrap_or(0);
     for limb in 0..limbs {

@@ -31,11 +31,12 @@ pub(super) fn section(result: &ResultFile, study: &Result<Study, String>) -> Sec
         ))),
         Ok(study) => match weakest(study) {
             Some((matrix, table)) => section.parts.extend([Part::Figure(matrix), Part::Table(table)]),
-            None => section.parts.push(Part::Text(
-                "No covariance: linear theory does not describe what this identifier estimates, or the result does \
-                 not say how it leans on the tolerances."
-                    .into(),
-            )),
+            None if study.decoupled && study.root.is_some() => section.parts.push(Part::Text(format!(
+                "{} estimates each limb by itself, so that there are no directions of all limbs together to show. The \
+                 standard errors of all components are in the table of link deviations.",
+                result.solver
+            ))),
+            None => section.parts.push(Part::Text(study.no_covariance(result).into())),
         },
     }
     section
@@ -76,6 +77,9 @@ fn singular_values(result: &ResultFile) -> Figure {
 /// Correlations of the components of the directions that are weakest among those that the data determine, and these
 /// directions.
 fn weakest(study: &Study) -> Option<(Figure, Table)> {
+    if study.decoupled {
+        return None;
+    }
     let (seen, root) = (study.seen.as_ref()?, study.root.as_ref()?);
     let kept = seen.counts.practical.min(root.ncols());
     let range = kept.saturating_sub(DIRECTIONS)..kept;

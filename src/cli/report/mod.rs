@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let places = DataPlaces::from_environment(args.data_dir.clone());
     let named = args.result.parent().unwrap_or(std::path::Path::new(""));
     let html = with_spinner(format!("reporting on {}", result.problem), || {
-        let study = study::find(&result, args.problem.as_deref(), named, &places)?;
+        let study = study::find((&result, &model), args.problem.as_deref(), named, &places)?;
         Ok::<String, CliError>(page(&result, &model, &study).html())
     })?;
     output.write(html.as_bytes())?;

@@ -1,20 +1,30 @@
 //! The problem that a result belongs to, and what follows from both.
 
-use crate::calibration::Sample;
+use crate::calibration::{Calibration, Sample};
 use crate::cli::error::CliError;
 use crate::cli::identify::divided;
-use crate::files::{DataPlaces, ProblemFile, ResultFile, read_problem};
+use crate::cli::wording::{counted, listed};
+use crate::files::summary::PoseErrors;
+use crate::files::{DataPlaces, Model, ProblemFile, ResultFile, read_problem};
 use crate::identify::counts::visibility;
 use crate::identify::residuals::{Residual, residuals};
 use crate::identify::run::placed;
 use crate::identify::{Covariance, NoiseEstimate, Visibility, score};
+use crate::model::mechanism::pose_difference;
 use crate::model::{Constant, Geometry, Mechanism, Quantity};
+use crate::problem::Form;
+use crate::simulate::close;
 use crate::solve::Estimate;
+use crate::statistics::median;
 use faer::Mat;
 use std::path::{Path, PathBuf};
 
 /// Relative difference at which recomputed errors are those of the result.
 const SAME: f64 = 1e-6;
+/// Samples at which the machine of the problem is compared with that of the result.
+const COMPARED: usize = 10;
+/// Difference of poses, rad or machine sizes, at which they are two machines.
+const OTHER: f64 = 1e-6;
 
 /// A result seen with its problem.
 pub(super) struct Study {
@@ -32,14 +42,27 @@ pub(super) struct Study {
     pub(super) seen: Option<Visibility>,
     /// Square root of the covariance of the minimal coordinates.
     pub(super) root: Option<Mat<f64>>,
+    /// Whether each limb was estimated by itself.
+    pub(super) decoupled: bool,
     /// Whether the errors that the result states came out again.
     pub(super) reproduced: bool,
+}
+
+impl Study {
+    /// Why there is no covariance, in a sentence.
+    pub(super) fn no_covariance(&self, result: &ResultFile) -> &'static str {
+        if !result.converged {
+            return "No covariance: the identifier did not converge.";
+        }
+        "No covariance: linear theory does not describe what this identifier estimates, or the result does not say how it \
+         leans on the tolerances."
+    }
 }
 
 /// The problem named by `asked` or else by the result, and what follows. What was asked for must be there and fit;
 /// what the result names may be missing, and then the reason is returned.
 pub(super) fn find(
-    result: &ResultFile,
+    (result, model): (&ResultFile, &Model),
     asked: Option<&Path>,
     folder: &Path,
     places: &DataPlaces,
@@ -47,7 +70,12 @@ pub(super) fn find(
     if let Some(path) = asked {
         let problem = read_problem(path, places)?;
         let file = problem.file.clone();
-        return match study(result, problem) {
+        let (result_of, name) = (result.problem.clone(), problem.name.clone());
+        return match study(result, model, problem) {
+            Ok(study) if !study.reproduced && name != result_of => Err(CliError::Usage(format!(
+                "--problem {file}: it is called {name} and gives other errors than the result, which is of {result_of}; \
+                 give the problem that was identified"
+            ))),
             Ok(study) => Ok(Ok(study)),
             Err(why) => Err(CliError::Usage(format!("--problem {file}: {why}"))),
         };
@@ -61,16 +89,24 @@ pub(super) fn find(
         let file = &source.problem_file;
         return Ok(Err(format!("there is no file {file}; give the problem with --problem")));
     };
-    Ok(read_problem(path, places)
-        .map_err(|why| why.to_string())
-        .and_then(|problem| study(result, problem).map_err(|why| format!("{}: {why}", path.display()))))
+    Ok(read_problem(path, places).map_err(|why| why.to_string()).and_then(|problem| {
+        study(result, model, problem).map_err(|why| format!("{}: {why}", path.display()))
+    }))
 }
 
-fn study(result: &ResultFile, problem: ProblemFile) -> Result<Study, String> {
+fn study(result: &ResultFile, model: &Model, problem: ProblemFile) -> Result<Study, String> {
     let drawn = &problem.mechanism;
     let names = drawn.limbs.iter().flat_map(|limb| limb.links.iter().map(|link| (&limb.name, &link.name)));
     if !names.eq(result.links.iter().map(|link| (&link.limb, &link.link))) {
-        return Err("it draws another machine than that of the result (other limbs or links)".into());
+        let limbs = |machine: &Mechanism| {
+            let names: Vec<&str> = machine.limbs.iter().map(|limb| limb.name.as_str()).collect();
+            format!("{} ({})", counted(names.len(), "limb"), listed(&names))
+        };
+        return Err(format!(
+            "it draws another machine than that of the result: {} where the result has {}, or other joints in them",
+            limbs(drawn),
+            limbs(&model.mechanism)
+        ));
     }
     let units = result.units;
     let components = result.links.iter().flat_map(|link| {
@@ -98,6 +134,19 @@ fn study(result: &ResultFile, problem: ProblemFile) -> Result<Study, String> {
     let source = result.source.as_ref();
     let chosen = source.and_then(|source| Some((source.holdout?, source.seed.unwrap_or(0))));
     let (mut training, _) = divided(&problem, chosen).map_err(|why| why.to_string())?;
+    let known = |name: &str| {
+        let data = [&problem.data, &problem.holdout];
+        data.iter().any(|set| set.samples.iter().chain(&set.unused).any(|s| s.name == name))
+    };
+    let mentioned = result.set_aside.iter().map(|s| &s.sample).chain(result.unused.iter().map(|s| &s.sample));
+    if let Some(missing) = mentioned.into_iter().find(|name| !known(name)) {
+        return Err(format!("the result speaks of {missing}, which it does not have"));
+    }
+    if predicts_otherwise(drawn, &drawn.deviated(&deviations), model, &training) {
+        return Err("it draws another machine than that of the result: with the result's deviations it predicts other poses \
+                    than the result's machine does"
+            .into());
+    }
     if let Some(noise) = &result.noise_estimate {
         let noise = NoiseEstimate {
             angle: noise.angle.map(|v| units.to_radians(v)),
@@ -112,14 +161,21 @@ fn study(result: &ResultFile, problem: ProblemFile) -> Result<Study, String> {
     let after = residuals(&start, &geometry, &training);
     let seen = visibility(&start, &training, &at).ok();
     let estimate = result.estimate.map(Into::into);
-    let root = seen
-        .as_ref()
-        .zip(estimate)
-        .filter(|(_, estimate)| !matches!(estimate, Estimate::Decoupled { .. }))
-        .and_then(|(seen, estimate)| Covariance::joint(estimate, seen))
-        .map(|c| c.root);
+    let decoupled = matches!(estimate, Some(Estimate::Decoupled { .. }));
+    let covariance = match estimate {
+        Some(_) if decoupled && !result.converged => None,
+        Some(estimate) if decoupled => {
+            let limbs = Calibration::new(&start, &training, Form::Minimal, &at);
+            let x = limbs.coordinates().nearest(&at);
+            Covariance::decoupled(estimate, &limbs, &x).ok().flatten()
+        }
+        Some(estimate) => seen.as_ref().and_then(|seen| Covariance::joint(estimate, seen)),
+        None => None,
+    };
+    let root = covariance.map(|c| c.root);
     let fit = score::score(&start, &geometry, &training);
-    let stated = result.fit.map(|fit| fit.after);
+    // A run that stayed where it began states none.
+    let stated = result.fit.map(|fit| fit.after).filter(|after| *after != PoseErrors::default());
     let same = |a: Option<f64>, b: Option<f64>| match (a, b) {
         (Some(a), Some(b)) => (a - b).abs() <= SAME * a.abs().max(b.abs()) + 1e-12,
         (a, b) => a.is_none() && b.is_none(),
@@ -134,5 +190,18 @@ fn study(result: &ResultFile, problem: ProblemFile) -> Result<Study, String> {
             && (in_noise.is_none() || same(s.weighted_rms, in_noise))
     });
     let residuals = before.into_iter().zip(after).collect();
-    Ok(Study { start, geometry, at, training, residuals, seen, root, reproduced })
+    Ok(Study { start, geometry, at, training, residuals, seen, root, decoupled, reproduced })
+}
+
+/// Whether the machine with these links takes other poses than that of the result at the first samples' readings.
+fn predicts_otherwise(drawn: &Mechanism, geometry: &Geometry, model: &Model, samples: &[Sample]) -> bool {
+    let calibrated = model.mechanism.nominal();
+    let apart = samples.iter().take(COMPARED).filter_map(|sample| {
+        let ours = close(drawn, geometry, &sample.actuators).ok()?.tool();
+        let theirs = close(&model.mechanism, &calibrated, &sample.actuators).ok()?.tool();
+        let (w, v) = pose_difference(&ours, &theirs);
+        Some((v.norm() / drawn.characteristic_length()).max(w.norm()))
+    });
+    // Near a singularity single ones may differ.
+    median(apart).is_some_and(|apart| apart > OTHER)
 }

@@ -18,11 +18,7 @@ const CLASSES: usize = 6;
 pub(super) fn section(result: &ResultFile, study: &Study) -> Section {
     let section = Section::new("Predicted poses");
     let Some(root) = &study.root else {
-        return section.with(Part::Text(
-            "No covariance: linear theory does not describe what this identifier estimates, or the result does not say \
-             how it leans on the tolerances."
-                .into(),
-        ));
+        return section.with(Part::Text(study.no_covariance(result).into()));
     };
     let measured: Vec<Vec<f64>> = study.training.iter().map(|sample| sample.actuators.clone()).collect();
     // Where the ranges hold too few postures that close, the measured ones stand in.
