@@ -9,11 +9,9 @@
 //! Jacobians are assembled in the slice, compressed there, and only then carried to `x` by one small matrix a
 //! limb. This never multiplies the tall Jacobian by a basis.
 
-use super::redundancy::{pivot_rows, redundancy, redundancy_of};
-use crate::lie::Se3;
-use crate::lie::se3::{self, Twist};
+use super::redundancy::{pivot_rows, redundancy};
 use crate::linalg;
-use crate::model::{Constant, Geometry, Limb, Mechanism, Prior, Quantity};
+use crate::model::{Constant, Mechanism, Prior, Quantity};
 use crate::problem::{Form, Group, Param};
 use faer::Mat;
 
@@ -30,7 +28,7 @@ pub struct Coordinates {
     pub limbs: Vec<LimbCoordinates>,
     /// The instrument's constants, behind the limbs: each is its own coordinate, none is redundant.
     pub instrument: LimbCoordinates,
-    form: Form,
+    pub(super) form: Form,
 }
 
 /// Coordinates of one limb, or of the instrument.
@@ -43,11 +41,11 @@ pub struct LimbCoordinates {
     /// The same per link: which rotations and which translations; empty for constants.
     pub in_slice: Vec<[[bool; 3]; 2]>,
     /// Components that the redundancy is solved for.
-    pivots: Vec<usize>,
+    pub(super) pivots: Vec<usize>,
     /// Standard deviation of each component, rad or m; 0 where held.
     pub sigma: Vec<f64>,
     /// `u = basis z` over `free`: orthonormal complement of the redundancy at nominal, in tolerance units.
-    basis: Mat<f64>,
+    pub(super) basis: Mat<f64>,
     /// Where this limb's `x` starts, and how many there are.
     pub offset: usize,
     /// Number of this limb's `x`.
@@ -149,88 +147,11 @@ impl Coordinates {
     }
 
     /// One unit of component `i`: its tolerance, or 1 rad or m in the plain form.
-    fn unit(&self, limb: &LimbCoordinates, i: usize) -> f64 {
+    pub(super) fn unit(&self, limb: &LimbCoordinates, i: usize) -> f64 {
         match self.form {
             Form::Plain => 1.0,
             Form::Minimal | Form::Complete => limb.sigma[i],
         }
-    }
-
-    /// Per limb, the matrix (slice x count) that takes `dx` to slice twists, at deviations `d` with links as in
-    /// `geometry`; last, that of the instrument.
-    pub fn transforms(&self, mechanism: &Mechanism, geometry: &Geometry, d: &[f64]) -> Vec<Mat<f64>> {
-        let mut start = 0;
-        let mut out = Vec::with_capacity(self.limbs.len());
-        for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
-            let size = limb.sigma.len();
-            let twists = self.body_twists(limb, &d[start..start + size]);
-            let project = limb.projection(drawn, links);
-            out.push(project * twists);
-            start += size;
-        }
-        let units: Vec<f64> = self.instrument.free.iter().map(|&i| self.unit(&self.instrument, i)).collect();
-        out.push(Mat::from_fn(units.len(), units.len(), |i, j| if i == j { units[i] } else { 0.0 }));
-        out
-    }
-
-    /// `d(body twists)/dx` of one limb, complete x count: right Jacobians, units and basis in one.
-    fn body_twists(&self, limb: &LimbCoordinates, d: &[f64]) -> Mat<f64> {
-        let mut scaled = Mat::<f64>::zeros(limb.sigma.len(), limb.count);
-        for (row, &i) in limb.free.iter().enumerate() {
-            let unit = self.unit(limb, i);
-            for j in 0..limb.count {
-                scaled[(i, j)] = unit * limb.basis[(row, j)];
-            }
-        }
-        for (link, d) in d.chunks_exact(6).enumerate() {
-            if d.iter().all(|v| *v == 0.0) {
-                continue;
-            }
-            let right = se3::right_jacobian(&Twist::from_column_slice(d));
-            for j in 0..limb.count {
-                let column = Twist::from_fn(|i, _| scaled[(6 * link + i, j)]);
-                let turned = right * column;
-                for i in 0..6 {
-                    scaled[(6 * link + i, j)] = turned[i];
-                }
-            }
-        }
-        scaled
-    }
-
-    /// Orthonormal basis (count x k) of the redundant directions of `x` at deviations `d`.
-    pub fn redundant(&self, mechanism: &Mechanism, geometry: &Geometry, d: &[f64]) -> Mat<f64> {
-        if self.form == Form::Minimal {
-            return Mat::zeros(self.count(), 0);
-        }
-        let k: usize = self.limbs.iter().map(|limb| limb.pivots.len()).sum();
-        let mut out = Mat::zeros(self.count(), k);
-        let (mut start, mut column) = (0, 0);
-        for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
-            let mut null = redundancy_of(drawn, links, &limb.sigma, limb.pivots.len());
-            for (link, d) in d[start..start + limb.sigma.len()].chunks_exact(6).enumerate() {
-                // Body twists back to deviations, the inverse of the right Jacobian.
-                let back = se3::left_jacobian_inverse(&-Twist::from_column_slice(d));
-                for j in 0..null.ncols() {
-                    let turned = back * Twist::from_fn(|i, _| null[(6 * link + i, j)]);
-                    for i in 0..6 {
-                        null[(6 * link + i, j)] = turned[i];
-                    }
-                }
-            }
-            let inside = Mat::from_fn(limb.free.len(), null.ncols(), |i, j| {
-                null[(limb.free[i], j)] / self.unit(limb, limb.free[i])
-            });
-            let orthonormal = inside.qr().compute_thin_Q();
-            for j in 0..limb.pivots.len() {
-                for i in 0..limb.count {
-                    out[(limb.offset + i, column)] = orthonormal[(i, j)];
-                }
-                column += 1;
-            }
-            start += limb.sigma.len();
-        }
-        out
     }
 
     /// Names, units and bounds of `x`.
@@ -317,29 +238,6 @@ impl LimbCoordinates {
             count,
             slice_offset,
         }
-    }
-
-    /// Matrix (slice x complete) that replaces a body twist by the one in the slice that no pose tells from it.
-    fn projection(&self, limb: &Limb, links: &[Se3]) -> Mat<f64> {
-        let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());
-        let k = self.pivots.len();
-        let many = null.ncols();
-        let at_pivots = Mat::from_fn(k, many, |i, j| null[(self.pivots[i], j)]);
-        let at_slice = Mat::from_fn(self.slice.len(), many, |i, j| null[(self.slice[i], j)]);
-        use faer::linalg::solvers::{Solve, SolveLstsq};
-        // slice - N_slice N_pivots^-1 pivots, where N has more columns than pivots any inverse
-        let weights = match many > k {
-            true => at_pivots.transpose().qr().solve_lstsq(at_slice.transpose()),
-            false => at_pivots.transpose().partial_piv_lu().solve(at_slice.transpose()),
-        };
-        let mut project = Mat::zeros(self.slice.len(), self.sigma.len());
-        for (row, &i) in self.slice.iter().enumerate() {
-            project[(row, i)] = 1.0;
-            for (column, &pivot) in self.pivots.iter().enumerate() {
-                project[(row, pivot)] = -weights[(column, row)];
-            }
-        }
-        project
     }
 }
 

@@ -7,7 +7,7 @@ use super::coordinates::{Coordinates, LimbCoordinates};
 use super::rows::RowWriter;
 use super::sample::Sample;
 use crate::lie::Se3;
-use crate::linalg::{self, RowBlock, RowStream};
+use crate::linalg::{RowBlock, RowStream};
 use crate::measure::{Evaluation, Row, View};
 use crate::model::mechanism::pose_difference;
 use crate::model::{Geometry, Mechanism, Posture, Turn};
@@ -273,10 +273,7 @@ impl Problem for LimbProblem<'_> {
             }
             square += rows.iter().map(|row| row.r * row.r).sum::<f64>();
         })?;
-        let by_x = match self.coordinates.transforms(&self.mechanism, &geometry, &d).first() {
-            Some(transform) => linalg::mul_transpose(transform.as_ref(), &by_slice),
-            None => by_slice,
-        };
+        let by_x = self.coordinates.pull_back(&self.mechanism, &geometry, &d, &by_slice);
         Ok((0.5 * square, by_x))
     }
 }

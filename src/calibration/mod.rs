@@ -6,6 +6,7 @@ pub mod problem;
 mod redundancy;
 pub mod rows;
 pub mod sample;
+mod transforms;
 
 pub use coordinates::{Coordinates, LimbCoordinates};
 pub use problem::Calibration;

@@ -4,7 +4,7 @@ use super::coordinates::Coordinates;
 use super::limbwise::{LimbProblem, LimbStart, WholePose};
 use super::rows::RowWriter;
 use super::sample::{Postures, Sample, SetAside};
-use crate::linalg::{self, RowBlock, RowStream};
+use crate::linalg::{RowBlock, RowStream};
 use crate::measure::Evaluation;
 use crate::model::{Geometry, Mechanism, NotClosed, Posture, Turn};
 use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
@@ -311,12 +311,7 @@ impl Problem for Calibration<'_> {
             square += part;
             by_slice.iter_mut().zip(by_part).for_each(|(sum, part)| *sum += part);
         }
-        let transforms = self.coordinates.transforms(self.mechanism, &geometry, &d);
-        let mut by_x = Vec::with_capacity(x.len());
-        for (limb, transform) in self.coordinates.blocks().zip(&transforms) {
-            let part = &by_slice[limb.slice_offset..limb.slice_offset + limb.slice.len()];
-            by_x.extend(linalg::mul_transpose(transform.as_ref(), part));
-        }
+        let by_x = self.coordinates.pull_back(self.mechanism, &geometry, &d, &by_slice);
         Ok((0.5 * square, by_x))
     }
 

@@ -31,7 +31,11 @@ pub(super) fn redundancy_of(limb: &Limb, links: &[Se3], sigma: &[f64], count: us
 
 fn null_matrix(limb: &Limb, links: &[Se3]) -> Mat<f64> {
     let columns = limb.null_basis(links);
-    Mat::from_fn(6 * links.len(), columns.len(), |i, j| columns[j][i])
+    let mut null = Mat::zeros(6 * links.len(), columns.len());
+    for (j, column) in columns.iter().enumerate() {
+        null.col_as_slice_mut(j).copy_from_slice(column);
+    }
+    null
 }
 
 /// Combinations of the null basis, `least` or more, that leave held components alone; and the null basis.
@@ -64,16 +68,15 @@ fn apart(links: &[Se3], sigma: &[f64]) -> Vec<Se3> {
 
 /// Rows that complete pivoting picks for the k columns of `a`.
 pub(super) fn pivot_rows(a: &Mat<f64>) -> Vec<usize> {
-    let mut work = a.clone();
-    let mut rows: Vec<usize> = Vec::with_capacity(a.ncols());
-    let mut columns: Vec<usize> = (0..a.ncols()).collect();
+    let mut columns: Vec<Vec<f64>> = a.col_iter().map(|column| column.iter().copied().collect()).collect();
+    let mut rows: Vec<usize> = Vec::with_capacity(columns.len());
     while !columns.is_empty() {
         let mut best = (0, 0, 0.0);
-        for (at, &j) in columns.iter().enumerate() {
-            for i in (0..work.nrows()).filter(|i| !rows.contains(i)) {
+        for (at, column) in columns.iter().enumerate() {
+            for (i, entry) in column.iter().enumerate() {
                 // Strictly larger by more than rounding, so that equal candidates keep their order.
-                if work[(i, j)].abs() > best.2 * (1.0 + 1e-6) {
-                    best = (i, at, work[(i, j)].abs());
+                if entry.abs() > best.2 * (1.0 + 1e-6) {
+                    best = (i, at, entry.abs());
                 }
             }
         }
@@ -83,11 +86,13 @@ pub(super) fn pivot_rows(a: &Mat<f64>) -> Vec<usize> {
         }
         let pivot = columns.remove(at);
         rows.push(row);
-        for &j in &columns {
-            let factor = work[(row, j)] / work[(row, pivot)];
-            for i in 0..work.nrows() {
-                work[(i, j)] -= factor * work[(i, pivot)];
+        for column in &mut columns {
+            let factor = column[row] / pivot[row];
+            for (entry, by) in column.iter_mut().zip(&pivot) {
+                *entry -= factor * by;
             }
+            // Exactly: a row is picked once.
+            column[row] = 0.0;
         }
     }
     rows

@@ -25,6 +25,8 @@ type Lanes = [[[f64; LANES]; 3]; 2];
 pub struct RowWriter {
     /// By the twist of one limb's tool, six rows at a time.
     by_limb: Vec<Lanes>,
+    /// The same where there are but few rows.
+    few: Vec<[f64; 6]>,
 }
 
 impl RowWriter {
@@ -76,22 +78,20 @@ impl RowWriter {
         for (i, ((limb, drawn), split)) in
             coordinates.limbs.iter().zip(&mechanism.limbs).zip(&posture.splits).enumerate()
         {
-            self.gather(sample.rows.len(), |k| match open {
-                true => *by_tool(k),
-                false => through_wrenches(posture, by_tool(k), wrench, split.wrenches()),
-            });
-            if !ADD {
-                for by in sample.by_limb.iter().filter(|by| by.limb == i) {
-                    let lanes = &mut self.by_limb[by.row / TOGETHER];
-                    lanes
-                        .as_flattened_mut()
-                        .iter_mut()
-                        .zip(by.by_twist)
-                        .for_each(|(lane, v)| lane[by.row % TOGETHER] += v);
+            let by_limb = |k: usize| {
+                let mut row = match open {
+                    true => *by_tool(k),
+                    false => through_wrenches(posture, by_tool(k), wrench, split.wrenches()),
+                };
+                if !ADD {
+                    for own in sample.by_limb.iter().filter(|own| own.limb == i && own.row == k) {
+                        row.iter_mut().zip(own.by_twist).for_each(|(sum, v)| *sum += v);
+                    }
                 }
-            }
+                row
+            };
             let frames = &posture.frames[frame..frame + drawn.links.len()];
-            self.write_limb::<ADD>(limb, frames, &tool, out);
+            self.write_rows::<ADD>(limb, frames, &tool, sample.rows.len(), by_limb, out);
             frame += drawn.links.len();
             wrench += split.wrenches().len();
         }
@@ -107,18 +107,27 @@ impl RowWriter {
         rows: &[Row],
         mut out: RowBlock<'_>,
     ) {
-        if rows.len() < FEW {
-            write_single(limb, frames, tool, rows, &mut out);
-        } else {
-            self.gather(rows.len(), |k| rows[k].by_tool);
-            self.write_limb::<false>(limb, frames, tool, &mut out);
-        }
+        self.write_rows::<false>(limb, frames, tool, rows.len(), |k| rows[k].by_tool, &mut out);
         for (entry, row) in out.column(limb.slice.len()).iter_mut().zip(rows) {
             *entry = row.r;
         }
     }
 
-    fn gather(&mut self, rows: usize, by_limb: impl Fn(usize) -> [f64; 6]) {
+    /// Writes or adds to the columns of one limb: `rows` rows, whose derivatives by its tool twist are `by_limb`.
+    fn write_rows<const ADD: bool>(
+        &mut self,
+        limb: &LimbCoordinates,
+        frames: &[Se3],
+        tool: &Vector3<f64>,
+        rows: usize,
+        by_limb: impl Fn(usize) -> [f64; 6],
+        out: &mut RowBlock<'_>,
+    ) {
+        if rows < FEW {
+            self.few.clear();
+            self.few.extend((0..rows).map(by_limb));
+            return write_few::<ADD>(limb, frames, tool, &self.few, out);
+        }
         self.by_limb.clear();
         for first in (0..rows).step_by(TOGETHER) {
             let mut lanes = [[[0.0; LANES]; 3]; 2];
@@ -129,6 +138,7 @@ impl RowWriter {
             }
             self.by_limb.push(lanes);
         }
+        self.write_limb::<ADD>(limb, frames, tool, out);
     }
 
     fn write_limb<const ADD: bool>(
@@ -161,25 +171,27 @@ impl RowWriter {
 }
 
 /// What [`RowWriter::write_limb`] does, row by row.
-fn write_single(
+fn write_few<const ADD: bool>(
     limb: &LimbCoordinates,
     frames: &[Se3],
     tool: &Vector3<f64>,
-    rows: &[Row],
+    rows: &[[f64; 6]],
     out: &mut RowBlock<'_>,
 ) {
-    for (i, row) in rows.iter().enumerate() {
-        let turn = Vector3::from_column_slice(&row.by_tool[..3]);
-        let shift = Vector3::from_column_slice(&row.by_tool[3..]);
-        let (mut link, mut at) = (usize::MAX, turn);
-        for (k, &component) in limb.slice.iter().enumerate() {
-            let g = &frames[component / 6];
-            if component / 6 != link {
-                link = component / 6;
-                at = turn + (tool - g.p).cross(&shift);
+    for (row, by_tool) in rows.iter().enumerate() {
+        let turn = Vector3::from_column_slice(&by_tool[..3]);
+        let shift = Vector3::from_column_slice(&by_tool[3..]);
+        let mut columns = out.columns(limb.slice_offset);
+        for (g, in_slice) in frames.iter().zip(&limb.in_slice) {
+            let by_rotation = turn + (tool - g.p).cross(&shift);
+            for (by, in_slice) in [by_rotation, shift].iter().zip(in_slice) {
+                for (i, chosen) in in_slice.iter().enumerate() {
+                    if *chosen && let Some(column) = columns.next() {
+                        let entry = by.dot(&g.r.column(i));
+                        column[row] = if ADD { column[row] + entry } else { entry };
+                    }
+                }
             }
-            let by = if component % 6 < 3 { &at } else { &shift };
-            out.column(k)[i] = by.dot(&g.r.column(component % 3));
         }
     }
 }

@@ -4,7 +4,7 @@ use super::identifier::{Identifier, SettingError, Stop};
 use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
 use super::split::{Model, Split};
 use crate::linalg::{self, norm};
-use crate::problem::{Compressed, Problem};
+use crate::problem::{Compressed, EvalError, Problem};
 
 /// Gauss-Newton on the minimal coordinates.
 ///
@@ -85,11 +85,12 @@ impl Identifier for Minimal {
         let mut splits = 0;
         let (mut cost, mut gradient) = (f64::INFINITY, Vec::new());
         let mut promised_before = f64::INFINITY;
+        let mut reached: Option<Compressed> = None;
         while report.trace.len() < stop.iterations {
             let fresh = model.is_none();
             let current = match model.take() {
                 Some(kept) => kept,
-                None => match self.model(problem, &report.x, settled.take()) {
+                None => match self.model(problem, &report.x, settled.take(), reached.take()) {
                     Ok((renewed, at)) => {
                         splits += 1;
                         cost = at.cost;
@@ -102,12 +103,13 @@ impl Identifier for Minimal {
             };
             report.cost = cost;
             let merit = cost + current.split.penalty(&report.x);
+            let from = From { x: &report.x, gradient: &gradient, merit };
             let step = loop {
                 let dx = match fresh {
                     true => current.fresh_step(damping),
                     false => current.stale_step(&report.x, &gradient, damping),
                 };
-                match self.try_step(problem, &current, &report.x, &gradient, merit, dx) {
+                match self.try_step(problem, &current, &from, dx, damping == 0.0) {
                     Ok(step) => break step,
                     // A stale model is renewed before it is damped.
                     Err(_) if !fresh => break None,
@@ -121,10 +123,10 @@ impl Identifier for Minimal {
             let ratio = if unjudged { 1.0 } else { step.gained / step.promised };
             let length = norm(&step.dx);
             report.x = report.x.iter().zip(&step.dx).map(|(x, dx)| x + dx).collect();
-            (cost, gradient) = (step.cost, step.gradient);
+            (cost, gradient, reached) = (step.cost, step.gradient, step.reached);
             report.cost = cost;
-            let reached = merit - step.gained;
-            report.trace.push(Iterate { cost: reached, step: length, kept: Some(current.split.kept()) });
+            let left = merit - step.gained;
+            report.trace.push(Iterate { cost: left, step: length, kept: Some(current.split.kept()) });
             // Steps whose promise no longer shrinks are rounding.
             let at_rounding = unjudged && step.promised > 0.25 * promised_before;
             promised_before = step.promised;
@@ -156,6 +158,14 @@ impl Identifier for Minimal {
     }
 }
 
+/// Where a step starts.
+struct From<'a> {
+    x: &'a [f64],
+    /// Of the cost.
+    gradient: &'a [f64],
+    merit: f64,
+}
+
 /// A step that was taken, and what it led to.
 struct Taken {
     dx: Vec<f64>,
@@ -163,44 +173,58 @@ struct Taken {
     gained: f64,
     cost: f64,
     gradient: Vec<f64>,
+    /// The linearised problem there, where it was computed.
+    reached: Option<Compressed>,
 }
 
 impl Minimal {
-    /// Gauss-Newton model at `x`, under the given split or a new one.
+    /// Gauss-Newton model at `x`, under the given split or a new one, from the linearised problem there if it is known.
     fn model(
         &self,
         problem: &dyn Problem,
         x: &[f64],
         settled: Option<Split>,
+        known: Option<Compressed>,
     ) -> Result<(Model, Compressed), String> {
-        let here = problem.compress(x).map_err(|why| why.0)?;
-        let split = match settled {
-            Some(split) => Some(split),
-            None if problem.has_prior() => Split::at(&here, self.threshold, true),
-            None => linalg::singular_values(here.jac.as_ref())
-                .and_then(|s| Split::at(&here, ROUNDING * s.first().copied().unwrap_or(0.0), false)),
+        let here = match known {
+            Some(known) => known,
+            None => problem.compress(x).map_err(|why| why.0)?,
         };
-        let split = split.ok_or("the Jacobian is not finite")?;
-        Ok((Model::new(&here, split, x), here))
+        let prior = problem.has_prior();
+        let threshold = match prior || settled.is_some() {
+            true => Some(self.threshold),
+            false => linalg::singular_values(here.jac.as_ref())
+                .map(|s| ROUNDING * s.first().copied().unwrap_or(0.0)),
+        };
+        let model = threshold.and_then(|threshold| Model::at(&here, x, threshold, prior, settled));
+        Ok((model.ok_or("the Jacobian is not finite")?, here))
     }
 
     /// Takes the step if the merit falls at its end, or if it promises less than rounding can show.
+    ///
+    /// Where a step is `hopeful` and long, its end is linearised at once: the model will be renewed there.
     fn try_step(
         &self,
         problem: &dyn Problem,
         model: &Model,
-        x: &[f64],
-        gradient: &[f64],
-        merit: f64,
+        from: &From<'_>,
         dx: Option<Vec<f64>>,
+        hopeful: bool,
     ) -> Result<Option<Taken>, Failure> {
         let dx = dx.ok_or(Failure::NoDescent)?;
-        let promised = model.promise(x, gradient, &dx);
-        let trial: Vec<f64> = x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
-        let (cost, gradient) = problem.gradient(&trial).map_err(|why| Failure::Evaluation(why.0))?;
-        let gained = merit - cost - model.split.penalty(&trial);
-        if gained >= 0.0 || promised <= UNJUDGED * merit {
-            Ok(Some(Taken { dx, promised, gained, cost, gradient }))
+        let promised = model.promise(from.x, from.gradient, &dx);
+        let trial: Vec<f64> = from.x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
+        let failed = |why: EvalError| Failure::Evaluation(why.0);
+        let (cost, gradient, reached) = if hopeful && norm(&dx) > FAR {
+            let there = problem.compress(&trial).map_err(failed)?;
+            (there.cost, linalg::mul_transpose(there.jac.as_ref(), &there.r), Some(there))
+        } else {
+            let (cost, gradient) = problem.gradient(&trial).map_err(failed)?;
+            (cost, gradient, None)
+        };
+        let gained = from.merit - cost - model.split.penalty(&trial);
+        if gained >= 0.0 || promised <= UNJUDGED * from.merit {
+            Ok(Some(Taken { dx, promised, gained, cost, gradient, reached }))
         } else {
             Err(Failure::NoDescent)
         }

@@ -22,16 +22,17 @@ pub struct Split {
 }
 
 impl Split {
-    /// Splits the coordinates at the singular value `threshold` of the Jacobian; `None` where it is not finite.
+    /// Splits the coordinates at the singular value `threshold` of the Jacobian, of which `factor` is a square factor in
+    /// its first n columns; `None` where it is not finite.
     ///
     /// The singular value decomposition is skipped where the inverse of the triangular factor already proves that
     /// every singular value is above the threshold (`s_min >= 1 / |R^-1|_F`).
-    pub fn at(here: &Compressed, threshold: f64, prior: bool) -> Option<Self> {
+    fn at(here: &Compressed, factor: &Mat<f64>, threshold: f64, prior: bool) -> Option<Self> {
         let n = here.jac.ncols();
         if !here.jac.is_all_finite() {
             return None;
         }
-        if here.jac.nrows() >= n && inverse_norm(&here.jac) * threshold * FADED < 1.0 {
+        if inverse_norm(factor, n) * threshold * FADED < 1.0 {
             return Some(Self { anchors: Mat::zeros(n, 0), kept: n, prior });
         }
         let svd = linalg::svd(here.jac.as_ref())?;
@@ -57,6 +58,23 @@ impl Split {
         0.5 * linalg::mul_transpose(self.anchors.as_ref(), x).iter().map(|a| a * a).sum::<f64>()
     }
 
+    /// Triangular factor of the rows of `factor` (n x (n + 1)) and those of the prior at `x`.
+    fn stacked(&self, factor: Mat<f64>, x: &[f64]) -> Mat<f64> {
+        let (n, m) = (x.len(), self.anchors.ncols());
+        if m == 0 {
+            return factor;
+        }
+        let mut rows = Mat::<f64>::zeros(n + m, n + 1);
+        rows.as_mut().submatrix_mut(0, 0, n, n + 1).copy_from(&factor);
+        rows.as_mut().submatrix_mut(n, 0, m, n).copy_from(self.anchors.transpose());
+        if self.prior {
+            for (i, along) in linalg::mul_transpose(self.anchors.as_ref(), x).iter().enumerate() {
+                rows[(n + i, n)] = -along;
+            }
+        }
+        upper_factor(rows.as_mut())
+    }
+
     /// Gradient of [`penalty`](Self::penalty).
     fn pull(&self, x: &[f64]) -> Vec<f64> {
         if !self.prior {
@@ -77,26 +95,32 @@ pub struct Model {
 }
 
 impl Model {
-    /// The model at `x`.
-    pub fn new(here: &Compressed, split: Split, x: &[f64]) -> Self {
-        let (k, n, m) = (here.jac.nrows(), x.len(), split.anchors.ncols());
+    /// The model at `x`, under the split `settled` or, without one, under that of the Jacobian at `threshold`; `None`
+    /// where the Jacobian is not finite.
+    pub fn at(
+        here: &Compressed,
+        x: &[f64],
+        threshold: f64,
+        prior: bool,
+        settled: Option<Split>,
+    ) -> Option<Self> {
+        let (k, n) = (here.jac.nrows(), x.len());
         // Rows of zeros make the factor square where there are fewer residuals than parameters.
-        let mut rows = Mat::<f64>::zeros((k + m).max(n), n + 1);
+        let mut rows = Mat::<f64>::zeros(k.max(n), n + 1);
         rows.as_mut().submatrix_mut(0, 0, k, n).copy_from(&here.jac);
-        rows.as_mut().submatrix_mut(k, 0, m, n).copy_from(split.anchors.transpose());
         for i in 0..k {
             rows[(i, n)] = -here.r[i];
         }
-        if split.prior {
-            for (i, along) in linalg::mul_transpose(split.anchors.as_ref(), x).iter().enumerate() {
-                rows[(k + i, n)] = -along;
-            }
-        }
-        let scale = match split.prior {
+        let factor = upper_factor(rows.as_mut());
+        let split = match settled {
+            Some(split) => split,
+            None => Split::at(here, &factor, threshold, prior)?,
+        };
+        let scale = match prior {
             true => vec![1.0; n],
             false => (0..n).map(|j| here.jac.col(j).norm_l2().max(f64::MIN_POSITIVE)).collect(),
         };
-        Self { split, factor: upper_factor(rows.as_mut()), scale }
+        Some(Self { factor: split.stacked(factor, x), split, scale })
     }
 
     /// The step at the point where the model was made, damped by `damping |D dx|^2`.
@@ -153,17 +177,15 @@ fn solved(factor: &Mat<f64>, n: usize) -> Option<Vec<f64>> {
     Some(z)
 }
 
-/// Frobenius norm of the inverse of a square factor of `jac` (k x n, k >= n), infinite where it is singular.
-fn inverse_norm(jac: &Mat<f64>) -> f64 {
-    let n = jac.ncols();
-    let factor = upper_factor(jac.clone().as_mut());
+/// Frobenius norm of the inverse of the triangle in the first n columns of `factor`, infinite where it is singular.
+fn inverse_norm(factor: &Mat<f64>, n: usize) -> f64 {
     let mut square = 0.0;
     let mut column = vec![0.0; n];
     for j in 0..n {
         // Column j of R^-1.
         column[..=j].fill(0.0);
         column[j] = 1.0;
-        if linalg::solve_upper(&factor, &mut column[..=j]).is_none() {
+        if linalg::solve_upper(factor, &mut column[..=j]).is_none() {
             return f64::INFINITY;
         }
         square += column[..=j].iter().map(|v| v * v).sum::<f64>();

@@ -1,0 +1,162 @@
+//! From coordinates to the slice twists that rows are written in, and back (docs/theory.md section 6).
+
+use super::coordinates::{Coordinates, LimbCoordinates};
+use super::redundancy::redundancy_of;
+use crate::lie::Se3;
+use crate::lie::se3::{self, Twist};
+use crate::linalg;
+use crate::model::{Geometry, Limb, Mechanism};
+use crate::problem::Form;
+use faer::Mat;
+use faer::linalg::solvers::{Solve, SolveLstsq};
+
+impl Coordinates {
+    /// Per limb, the matrix (slice x count) that takes `dx` to slice twists, at deviations `d` with links as in
+    /// `geometry`; last, that of the instrument.
+    pub fn transforms(&self, mechanism: &Mechanism, geometry: &Geometry, d: &[f64]) -> Vec<Mat<f64>> {
+        let mut start = 0;
+        let mut out = Vec::with_capacity(self.limbs.len());
+        for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
+            let size = limb.sigma.len();
+            let twists = self.body_twists(limb, &d[start..start + size]);
+            out.push(limb.in_slice_alone(drawn, links, &twists));
+            start += size;
+        }
+        let units: Vec<f64> = self.instrument.free.iter().map(|&i| self.unit(&self.instrument, i)).collect();
+        out.push(Mat::from_fn(units.len(), units.len(), |i, j| if i == j { units[i] } else { 0.0 }));
+        out
+    }
+
+    /// Gradient by `x` from that by slice twists: the transposes of [`transforms`](Self::transforms) applied to it.
+    pub fn pull_back(
+        &self,
+        mechanism: &Mechanism,
+        geometry: &Geometry,
+        d: &[f64],
+        by_slice: &[f64],
+    ) -> Vec<f64> {
+        let mut start = 0;
+        let mut out = Vec::with_capacity(self.count());
+        for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
+            let part = &by_slice[limb.slice_offset..limb.slice_offset + limb.slice.len()];
+            let mut by_twist = limb.by_every_component(drawn, links, part);
+            for (by_twist, d) in by_twist.chunks_exact_mut(6).zip(d[start..].chunks_exact(6)) {
+                if d.iter().any(|v| *v != 0.0) {
+                    let right = se3::right_jacobian(&Twist::from_column_slice(d));
+                    by_twist.copy_from_slice(right.tr_mul(&Twist::from_column_slice(by_twist)).as_slice());
+                }
+            }
+            let by_u: Vec<f64> = limb.free.iter().map(|&i| by_twist[i] * self.unit(limb, i)).collect();
+            out.extend(linalg::mul_transpose(limb.basis.as_ref(), &by_u));
+            start += limb.sigma.len();
+        }
+        let constants = &by_slice[self.instrument.slice_offset..];
+        out.extend(
+            self.instrument.free.iter().zip(constants).map(|(&i, by)| by * self.unit(&self.instrument, i)),
+        );
+        out
+    }
+
+    /// `d(body twists)/dx` of one limb, complete x count: right Jacobians, units and basis in one.
+    fn body_twists(&self, limb: &LimbCoordinates, d: &[f64]) -> Mat<f64> {
+        let mut twists = Mat::<f64>::zeros(limb.sigma.len(), limb.count);
+        let units: Vec<f64> = limb.free.iter().map(|&i| self.unit(limb, i)).collect();
+        let right = |d: &[f64]| se3::right_jacobian(&Twist::from_column_slice(d));
+        let moved = d.chunks_exact(6).map(|d| d.iter().any(|v| *v != 0.0).then(|| right(d)));
+        let turns: Vec<_> = moved.collect();
+        for j in 0..limb.count {
+            let column = twists.col_as_slice_mut(j);
+            for ((&i, unit), of_basis) in limb.free.iter().zip(&units).zip(limb.basis.col_as_slice(j)) {
+                column[i] = unit * of_basis;
+            }
+            for (twist, turn) in column.chunks_exact_mut(6).zip(&turns) {
+                if let Some(turn) = turn {
+                    twist.copy_from_slice((turn * Twist::from_column_slice(twist)).as_slice());
+                }
+            }
+        }
+        twists
+    }
+
+    /// Orthonormal basis (count x k) of the redundant directions of `x` at deviations `d`.
+    pub fn redundant(&self, mechanism: &Mechanism, geometry: &Geometry, d: &[f64]) -> Mat<f64> {
+        if self.form == Form::Minimal {
+            return Mat::zeros(self.count(), 0);
+        }
+        let k: usize = self.limbs.iter().map(|limb| limb.pivots.len()).sum();
+        let mut out = Mat::zeros(self.count(), k);
+        let (mut start, mut column) = (0, 0);
+        for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
+            let mut null = redundancy_of(drawn, links, &limb.sigma, limb.pivots.len());
+            for (link, d) in d[start..start + limb.sigma.len()].chunks_exact(6).enumerate() {
+                // Body twists back to deviations, the inverse of the right Jacobian.
+                let back = se3::left_jacobian_inverse(&-Twist::from_column_slice(d));
+                for j in 0..null.ncols() {
+                    let turned = back * Twist::from_fn(|i, _| null[(6 * link + i, j)]);
+                    for i in 0..6 {
+                        null[(6 * link + i, j)] = turned[i];
+                    }
+                }
+            }
+            let inside = Mat::from_fn(limb.free.len(), null.ncols(), |i, j| {
+                null[(limb.free[i], j)] / self.unit(limb, limb.free[i])
+            });
+            let orthonormal = inside.qr().compute_thin_Q();
+            for j in 0..limb.pivots.len() {
+                for i in 0..limb.count {
+                    out[(limb.offset + i, column)] = orthonormal[(i, j)];
+                }
+                column += 1;
+            }
+            start += limb.sigma.len();
+        }
+        out
+    }
+}
+
+impl LimbCoordinates {
+    /// Body twists (complete x n) replaced by those in the slice (slice x n) that no pose tells from them.
+    fn in_slice_alone(&self, limb: &Limb, links: &[Se3], twists: &Mat<f64>) -> Mat<f64> {
+        let stand_ins = self.at_pivots(limb, links, |at_slice| at_slice);
+        picked(twists, &self.slice) - stand_ins.transpose() * picked(twists, &self.pivots)
+    }
+
+    /// Derivatives by every component of the body twists from those by the slice: no pose tells a pivot from the slice
+    /// twists that stand for it.
+    fn by_every_component(&self, limb: &Limb, links: &[Se3], by_slice: &[f64]) -> Vec<f64> {
+        let column = Mat::from_fn(by_slice.len(), 1, |i, _| by_slice[i]);
+        let by_pivot = self.at_pivots(limb, links, |at_slice| at_slice * column);
+        let mut out = vec![0.0; self.sigma.len()];
+        for (&i, by) in self.slice.iter().zip(by_slice) {
+            out[i] = *by;
+        }
+        for (row, &i) in self.pivots.iter().enumerate() {
+            out[i] = -by_pivot[(row, 0)];
+        }
+        out
+    }
+
+    /// `N_p^-T of(N_s')` (pivots x n), `N_p` and `N_s` the rows of the redundant twists at pivots and slice.
+    fn at_pivots(&self, limb: &Limb, links: &[Se3], of: impl FnOnce(Mat<f64>) -> Mat<f64>) -> Mat<f64> {
+        let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());
+        let at_pivots = picked(&null, &self.pivots);
+        let at_slice = of(picked(&null, &self.slice).transpose().to_owned());
+        // Where N has more columns than pivots any inverse serves.
+        match null.ncols() > self.pivots.len() {
+            true => at_pivots.transpose().qr().solve_lstsq(at_slice),
+            false => at_pivots.transpose().partial_piv_lu().solve(at_slice),
+        }
+    }
+}
+
+/// These rows of `a`.
+fn picked(a: &Mat<f64>, rows: &[usize]) -> Mat<f64> {
+    let mut out = Mat::zeros(rows.len(), a.ncols());
+    for j in 0..a.ncols() {
+        let from = a.col_as_slice(j);
+        for (to, &i) in out.col_as_slice_mut(j).iter_mut().zip(rows) {
+            *to = from[i];
+        }
+    }
+    out
+}
