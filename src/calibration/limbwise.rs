@@ -120,8 +120,8 @@ impl<'a> LimbProblem<'a> {
         let mut reached = self.reached.lock().unwrap_or_else(PoisonError::into_inner);
         for (start, reached) in self.starts.iter().zip(reached.chunks_exact_mut(posture.q.len().max(1))) {
             posture.set_turns(reached);
-            self.approach(&mut posture, geometry, start)?;
-            self.evaluate(&posture, start, &mut rows)?;
+            let error = self.approach(&mut posture, geometry, start)?;
+            self.evaluate(&posture, start, &error, &mut rows)?;
             visit(&posture, &rows);
             if posture.turns().iter().zip(start.turns).all(|(to, from)| (to.q - from.q).abs() < NEAR) {
                 reached.copy_from_slice(posture.turns());
@@ -130,13 +130,14 @@ impl<'a> LimbProblem<'a> {
         Ok(())
     }
 
-    /// Passive joints that bring the limb's tool closest to the measured pose.
+    /// Passive joints that bring the limb's tool closest to the measured pose; returns its way from there, `[w; dp]` in rad
+    /// and m.
     fn approach(
         &self,
         posture: &mut Posture,
         geometry: &Geometry,
         start: &LimbStart<'_>,
-    ) -> Result<(), EvalError> {
+    ) -> Result<[f64; 6], EvalError> {
         let length = posture.length();
         for _ in 0..MAX_ITERATIONS {
             posture.open(&self.mechanism, geometry);
@@ -151,7 +152,7 @@ impl<'a> LimbProblem<'a> {
                 longest = longest.max(joint.motion.size_of(*step, length));
             }
             if longest <= AT_POSE {
-                return Ok(());
+                return Ok([w.x, w.y, w.z, v.x, v.y, v.z].map(|gap| -gap));
             }
         }
         let limb = &self.mechanism.limbs[0].name;
@@ -159,7 +160,13 @@ impl<'a> LimbProblem<'a> {
     }
 
     /// `C^-1 W e` and its derivative by the limb's tool twist, `C C'` the covariance of `W e`.
-    fn evaluate(&self, posture: &Posture, start: &LimbStart<'_>, rows: &mut [Row]) -> Result<(), EvalError> {
+    fn evaluate(
+        &self,
+        posture: &Posture,
+        start: &LimbStart<'_>,
+        error: &[f64; 6],
+        rows: &mut [Row],
+    ) -> Result<(), EvalError> {
         let length = posture.length();
         let k = rows.len();
         // Gram-Schmidt on the rows of W root, done to W as well, whitens W e.
@@ -186,10 +193,8 @@ impl<'a> LimbProblem<'a> {
                 w[i][l] /= size;
             }
         }
-        let (turn, dp) = pose_difference(&posture.tool(), &start.pose.measured);
-        let error = [turn.x, turn.y, turn.z, dp.x, dp.y, dp.z];
         for (row, w) in rows.iter_mut().zip(&w) {
-            *row = Row { r: dot(w, &error), by_tool: *w };
+            *row = Row { r: dot(w, error), by_tool: *w };
         }
         Ok(())
     }

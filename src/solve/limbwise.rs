@@ -4,7 +4,7 @@ use super::identifier::{Identifier, Stop};
 use super::minimal::Minimal;
 use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
 use crate::linalg::norm;
-use crate::problem::{Problem, cost};
+use crate::problem::Problem;
 use rayon::prelude::*;
 
 /// Runs [`Minimal`] on every independent part of the problem: for a parallel machine measured in whole poses, on one
@@ -32,7 +32,7 @@ impl Identifier for Limbwise {
             .par_iter()
             .map(|part| {
                 let own: Vec<f64> = part.members.iter().map(|&i| start[i]).collect();
-                Minimal::default().identify(part.problem.as_ref(), &own, stop)
+                Minimal::renewing().identify(part.problem.as_ref(), &own, stop)
             })
             .collect();
         for (part, solution) in parts.iter().zip(&solved) {
@@ -46,10 +46,7 @@ impl Identifier for Limbwise {
             Some(failed) => failed.outcome.clone(),
             None => Outcome::Converged(Criterion::Cost),
         };
-        match problem.residual(&report.x) {
-            Ok(r) => report.cost = cost(&r),
-            Err(why) => return report.fail(Failure::Evaluation(why.0)),
-        }
+        report.cost = solved.iter().map(|solution| solution.cost).sum();
         report
     }
 }

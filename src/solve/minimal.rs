@@ -20,11 +20,21 @@ use crate::problem::{Compressed, EvalError, Problem};
 pub struct Minimal {
     /// Signal-to-noise ratio above which a direction is kept.
     pub threshold: f64,
+    /// Way, in tolerances, up to which split and curvature are kept.
+    near: f64,
 }
 
 impl Default for Minimal {
     fn default() -> Self {
-        Self { threshold: 1.0 }
+        Self { threshold: 1.0, near: 0.3 }
+    }
+}
+
+impl Minimal {
+    /// The same with split and curvature renewed at every step: for problems of few coordinates, whose factorisation
+    /// costs little beside their rows.
+    pub(super) fn renewing() -> Self {
+        Self { near: 0.0, ..Self::default() }
     }
 }
 
@@ -36,8 +46,6 @@ const LARGEST_DAMPING: f64 = 1e16;
 const ROUNDING: f64 = 1e-13;
 /// Promised reduction, relative to the merit, that rounding of the residuals may hide.
 const UNJUDGED: f64 = 1e-9;
-/// Way, in tolerances, after which split and curvature are renewed.
-const FAR: f64 = 0.3;
 /// Renewals after which only the curvature is renewed, so that the merit is one and the same from then on.
 const SPLITS: usize = 12;
 
@@ -103,7 +111,7 @@ impl Identifier for Minimal {
             };
             report.cost = cost;
             let merit = cost + current.split.penalty(&report.x);
-            let from = From { x: &report.x, gradient: &gradient, merit };
+            let from = From { x: &report.x, gradient: &gradient, merit, negligible: stop.cost * merit };
             let step = loop {
                 let dx = match fresh {
                     true => current.fresh_step(damping),
@@ -150,7 +158,7 @@ impl Identifier for Minimal {
             } else if ratio < 0.25 {
                 damping = (damping * 2.0).max(FIRST_DAMPING);
             }
-            if length <= FAR && (0.5..1.5).contains(&ratio) {
+            if length <= self.near && (0.5..1.5).contains(&ratio) {
                 model = Some(current);
             }
         }
@@ -164,6 +172,8 @@ struct From<'a> {
     /// Of the cost.
     gradient: &'a [f64],
     merit: f64,
+    /// Promise that ends the iteration.
+    negligible: f64,
 }
 
 /// A step that was taken, and what it led to.
@@ -200,22 +210,28 @@ impl Minimal {
         Ok((model.ok_or("the Jacobian is not finite")?, here))
     }
 
-    /// Takes the step if the merit falls at its end, or if it promises less than rounding can show.
+    /// Takes the step if the merit falls at its end, or if it promises less than rounding can show. A step that ends the
+    /// iteration by what it promises is taken unseen.
     ///
-    /// Where a step is `hopeful` and long, its end is linearised at once: the model will be renewed there.
+    /// Where a step is `undamped` and long, its end is linearised at once: the model will be renewed there.
     fn try_step(
         &self,
         problem: &dyn Problem,
         model: &Model,
         from: &From<'_>,
         dx: Option<Vec<f64>>,
-        hopeful: bool,
+        undamped: bool,
     ) -> Result<Option<Taken>, Failure> {
         let dx = dx.ok_or(Failure::NoDescent)?;
         let promised = model.promise(from.x, from.gradient, &dx);
         let trial: Vec<f64> = from.x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
+        if undamped && promised <= from.negligible {
+            let cost = from.merit - promised - model.split.penalty(&trial);
+            let (gained, gradient) = (promised, from.gradient.to_vec());
+            return Ok(Some(Taken { dx, promised, gained, cost, gradient, reached: None }));
+        }
         let failed = |why: EvalError| Failure::Evaluation(why.0);
-        let (cost, gradient, reached) = if hopeful && norm(&dx) > FAR {
+        let (cost, gradient, reached) = if undamped && norm(&dx) > self.near {
             let there = problem.compress(&trial).map_err(failed)?;
             (there.cost, linalg::mul_transpose(there.jac.as_ref(), &there.r), Some(there))
         } else {

@@ -147,7 +147,7 @@ pub struct Report {
     pub identifier: &'static str,
     /// The point, in the coordinates of the problem that was solved.
     pub x: Vec<f64>,
-    /// `|r(x)|^2 / 2`, infinite where `x` cannot be evaluated.
+    /// `|r(x)|^2 / 2` (of the parts, where a problem was solved in parts), infinite where `x` cannot be evaluated.
     pub cost: f64,
     /// How it ended.
     pub outcome: Outcome,
