@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
-use support::{command, done, file, gough, json, ran, write};
+use support::{COMPARISON_FIGURES, command, done, file, gough, json, ran, write};
 
 /// Lines of a result file without what may differ between two equal runs.
 fn lines(path: &Path) -> Vec<String> {
@@ -94,17 +94,7 @@ fn equal_campaigns_give_equal_lines_whatever_the_threads_parts_and_interruptions
         assert!(fs::metadata(at("a").join(name)).unwrap().len() > 100, "{name}");
     }
     let page = fs::read_to_string(at("a/index.html")).unwrap();
-    for figure in [
-        "success",
-        "performance-evaluations",
-        "performance-time",
-        "data-profile",
-        "accuracy-time",
-        "consistency",
-        "success-start",
-        "error-noise-serial-puma560",
-        "error-noise-serial-scara",
-    ] {
+    for figure in COMPARISON_FIGURES {
         assert!(
             fs::read_to_string(at("a").join(format!("{figure}.svg"))).unwrap().contains("<svg"),
             "{figure}"
