@@ -155,12 +155,9 @@ impl Information {
 
     /// Information matrix of the chosen candidates, base included, k x k.
     pub fn of(&self, chosen: &[usize]) -> Mat<f64> {
-        let mut sum = self.base.clone();
-        for &candidate in chosen {
-            let columns = self.columns(candidate);
-            sum += &columns * columns.transpose();
-        }
-        sum
+        let mut weights = vec![0.0; self.count()];
+        chosen.iter().for_each(|&candidate| weights[candidate] += 1.0);
+        self.weighted(&weights)
     }
 
     /// Information matrix of weighted candidates, base included, k x k.
