@@ -132,7 +132,7 @@ fn in_turn(c: &mut Criterion, name: &str, batch: usize, problem: &dyn Problem, s
             let mut total = Duration::ZERO;
             for _ in 0..count {
                 let (with, without);
-                if pairs.len() % 2 == 0 {
+                if pairs.len().is_multiple_of(2) {
                     (with, without) = (time(&under_argmin), time(&alone));
                 } else {
                     let before = time(&alone);
