@@ -2,6 +2,12 @@
 
 #![allow(missing_docs)]
 
+#[allow(dead_code)]
+#[path = "../tests/nist/mod.rs"]
+mod nist;
+#[path = "../tests/shared/mod.rs"]
+mod shared;
+
 use argmin::core::{Solver, State};
 use criterion::{Criterion, criterion_group, criterion_main};
 use faer::Mat;
@@ -14,9 +20,11 @@ use gough::solve::conic::loss::{Frame, loss};
 use gough::solve::conic::penalty::Penalty;
 use gough::solve::conic::step::Model;
 use gough::solve::levenberg::{LevenbergMarquardt, LevenbergState, minimise};
+use gough::statistics::quantile;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::hint::black_box;
+use std::time::{Duration, Instant};
 
 /// A linear problem of 600 rows whose Jacobian has the given rank and singular values of 1e3 down to 1.
 struct Linear {
@@ -105,15 +113,58 @@ fn plain(problem: &dyn Problem, start: &[f64], stop: &Stop) -> Vec<f64> {
     state.take_param().expect("a point")
 }
 
+/// Times executor and plain loop in turn, `batch` runs at a time, the first of a pair the second of the next: both see
+/// the same moments of the machine. Criterion reports the time under the executor; the line after it the paired
+/// difference, median with its 95 % interval (order statistics).
+fn in_turn(c: &mut Criterion, name: &str, batch: usize, problem: &dyn Problem, start: &[f64], stop: &Stop) {
+    let under_argmin = || minimise(black_box(problem), start, stop).x;
+    let alone = || plain(black_box(problem), start, stop);
+    assert_eq!(under_argmin(), alone(), "the two do the same work");
+    let iterations = minimise(problem, start, stop).trace.len();
+    let time = |run: &dyn Fn() -> Vec<f64>| {
+        let from = Instant::now();
+        (0..batch).for_each(|_| drop(black_box(run())));
+        from.elapsed() / batch as u32
+    };
+    let mut pairs: Vec<(f64, f64)> = Vec::new();
+    c.bench_function(&format!("argmin-lm, {name}, {iterations} iterations"), |b| {
+        b.iter_custom(|count| {
+            let mut total = Duration::ZERO;
+            for _ in 0..count {
+                let (with, without);
+                if pairs.len().is_multiple_of(2) {
+                    (with, without) = (time(&under_argmin), time(&alone));
+                } else {
+                    let before = time(&alone);
+                    (with, without) = (time(&under_argmin), before);
+                }
+                pairs.push((with.as_secs_f64(), without.as_secs_f64()));
+                total += with;
+            }
+            total
+        });
+    });
+    let middle = |each: &dyn Fn(&(f64, f64)) -> f64| {
+        let mut values: Vec<f64> = pairs.iter().map(each).collect();
+        values.sort_by(f64::total_cmp);
+        let half = 0.98 / (values.len() as f64).sqrt();
+        [0.5, 0.5 - half, 0.5 + half].map(|p| quantile(&values, p).unwrap_or(f64::NAN))
+    };
+    let [percent, low, high] = middle(&|(with, without)| 100.0 * (with / without - 1.0));
+    println!(
+        "    executor over plain loop: {percent:+.2} % ({low:+.2} to {high:+.2}), {} pairs",
+        pairs.len()
+    );
+    let [excess, low, high] = middle(&|(with, without)| 1e6 * (with - without) / iterations as f64);
+    println!("    in one iteration: {excess:+.3} us ({low:+.3} to {high:+.3})");
+}
+
 fn argmin(c: &mut Criterion) {
-    let mut group = c.benchmark_group("five iterations, 600 x 138");
-    group.sample_size(10);
-    let problem = Linear::new(138, 138);
-    let start = vec![0.0; 138];
-    let stop = Stop { iterations: 5, step: 0.0, gradient: 0.0, cost: 0.0 };
-    group.bench_function("argmin-lm", |b| b.iter(|| minimise(black_box(&problem), &start, &stop).x));
-    group.bench_function("plain loop", |b| b.iter(|| plain(black_box(&problem), &start, &stop)));
-    group.finish();
+    let five = Stop { iterations: 5, step: 0.0, gradient: 0.0, cost: 0.0 };
+    in_turn(c, "600 x 138", 1, &Linear::new(138, 138), &[0.0; 138], &five);
+    let Some(directory) = shared::directory("nist") else { return };
+    let misra = nist::read(&directory.join("Misra1a.dat")).expect("the file can be read");
+    in_turn(c, "NIST Misra1a (14 x 2)", 100, &misra, &misra.starts[0], &nist::TIGHT);
 }
 
 criterion_group!(benches, conic_step, compress, argmin);

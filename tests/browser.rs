@@ -5,7 +5,7 @@ mod support;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use support::{done, file, gough};
+use support::{COMPARISON_FIGURES, done, file, gough};
 
 /// Names that the browser goes by; `CHROMIUM` names another.
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
@@ -186,17 +186,7 @@ fn comparisons_are_whole_in_a_browser() {
     assert_eq!(ran.status, 0, "{}", ran.stderr);
     let page = folder.path().join("index.html");
     let text = std::fs::read_to_string(&page).unwrap();
-    for figure in [
-        "success",
-        "performance-evaluations",
-        "performance-time",
-        "data-profile",
-        "accuracy-time",
-        "consistency",
-        "success-start",
-        "error-noise-serial-puma560",
-        "error-noise-serial-scara",
-    ] {
+    for figure in COMPARISON_FIGURES {
         assert!(text.contains(&format!("<figure id=\"{figure}\"")), "{figure}");
     }
     check(&browser, &page);

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
-use support::{command, done, file, gough, json, ran, write};
+use support::{COMPARISON_FIGURES, command, done, file, gough, json, ran, write};
 
 /// Lines of a result file without what may differ between two equal runs.
 fn lines(path: &Path) -> Vec<String> {
@@ -94,17 +94,7 @@ fn equal_campaigns_give_equal_lines_whatever_the_threads_parts_and_interruptions
         assert!(fs::metadata(at("a").join(name)).unwrap().len() > 100, "{name}");
     }
     let page = fs::read_to_string(at("a/index.html")).unwrap();
-    for figure in [
-        "success",
-        "performance-evaluations",
-        "performance-time",
-        "data-profile",
-        "accuracy-time",
-        "consistency",
-        "success-start",
-        "error-noise-serial-puma560",
-        "error-noise-serial-scara",
-    ] {
+    for figure in COMPARISON_FIGURES {
         assert!(
             fs::read_to_string(at("a").join(format!("{figure}.svg"))).unwrap().contains("<svg"),
             "{figure}"
@@ -207,6 +197,38 @@ fn refusals_name_the_place() {
     // Results that do not belong together.
     spoiled(&lines[1].replace("\"name\":\"default\"", "\"name\":\"tight\""));
     refused("compare --merge {0}", &[&results], &["the tolerance is", "default", "tight"]);
+    spoiled(&lines[1].replace("\"clarabel\":\"", "\"clarabel\":\"9."));
+    refused("compare --merge {0}", &[&results], &["the set of numerical crates is", "clarabel 9.", "argmin"]);
+    let key = lines[1].find(",\"dependencies\":{").unwrap();
+    let end = key + lines[1][key..].find('}').unwrap() + 1;
+    spoiled(&format!("{}{}", &lines[1][..key], &lines[1][end..]));
+    refused("compare --merge {0}", &[&results], &["the set of numerical crates is", "not noted"]);
+}
+
+/// The versions in a line are those that cargo says it builds this package with.
+#[test]
+fn versions_of_dependencies() {
+    let folder = tempfile::tempdir().unwrap();
+    done("compare {0} --solvers minimal --seeds 1 -o {1}", &[&puma(), folder.path()]);
+    let line: Value = serde_json::from_str(&lines(&folder.path().join("runs.jsonl"))[0]).unwrap();
+    let noted = line["run"]["dependencies"].as_object().unwrap();
+    assert_eq!(noted.keys().collect::<Vec<_>>(), ["argmin", "clarabel", "faer", "nalgebra"]);
+
+    let cargo = std::env::var_os("CARGO").unwrap_or("cargo".into());
+    let metadata = std::process::Command::new(cargo)
+        .args(["metadata", "--locked", "--offline", "--format-version", "1", "--manifest-path"])
+        .arg(file("Cargo.toml"))
+        .output()
+        .unwrap();
+    assert!(metadata.status.success(), "{}", String::from_utf8_lossy(&metadata.stderr));
+    let metadata: Value = serde_json::from_slice(&metadata.stdout).unwrap();
+    let resolve = &metadata["resolve"];
+    let own = resolve["nodes"].as_array().unwrap().iter().find(|n| n["id"] == resolve["root"]).unwrap();
+    for (name, version) in noted {
+        let built = own["deps"].as_array().unwrap().iter().find(|d| d["name"] == name.as_str()).unwrap();
+        let package = metadata["packages"].as_array().unwrap().iter().find(|p| p["id"] == built["pkg"]);
+        assert_eq!(&package.unwrap()["version"], version, "{name}");
+    }
 }
 
 /// Measured data without a truth are scored on their hold-out, and without that on their fit; both are said.

@@ -29,7 +29,8 @@ fn sample(actuators: &[f64], pose: Se3, covariance: &Matrix6<f64>) -> Sample {
 }
 
 fn whole(problem: &ProblemFile) -> Instrument {
-    Instrument::of_poses([true; 6], &problem.data.noise.unwrap()).unwrap()
+    let blank = Pose::new(Se3::identity(), [true; 6], &problem.data.noise.unwrap()).unwrap();
+    Instrument { blanks: vec![Arc::new(blank)] }
 }
 
 /// `log det(I + J'J)` and the information of each posture, from the Jacobian itself.

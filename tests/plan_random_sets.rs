@@ -4,7 +4,6 @@ mod support;
 
 use gough::calibration::{Calibration, Sample};
 use gough::design::candidates::Candidates;
-use gough::design::exchange::random_values;
 use gough::design::{Candidate, Criterion, Information, Instrument, Plan, Settings, expected, plan};
 use gough::files::{DataPlaces, ProblemFile, read_problem};
 use gough::identify::score::score;
@@ -16,6 +15,7 @@ use gough::simulate::{close, draw_deviations};
 use gough::solve::{Stop, registry};
 use nalgebra::{Matrix6, Vector6};
 use rand::SeedableRng;
+use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
@@ -50,11 +50,14 @@ impl Case {
         let begin = Instant::now();
         let candidates = Candidates::random(machine, 2000, 0, 1e-2).fit;
         let workspace = Candidates::random(machine, 40, 1, 1e-2).fit;
-        let whole = Instrument::of_poses([true; 6], &covariance).unwrap();
+        let blank = Pose::new(Se3::identity(), [true; 6], &covariance).unwrap();
+        let whole = Instrument { blanks: vec![Arc::new(blank)] };
         let info = Information::new(machine, &whole, &candidates, &[], &workspace, POSES).unwrap();
         let prepared = begin.elapsed().as_secs_f64();
-        let random = random_values(&info, Criterion::D, POSES, 3, 200);
-        assert_eq!(random.len(), 200);
+        let mut stream = ChaCha8Rng::seed_from_u64(3);
+        let sets = (0..200).map(|_| index::sample(&mut stream, info.count(), POSES).into_vec());
+        let value = |set: &Vec<usize>| Criterion::D.exact(&info, &info.of(set)).unwrap();
+        let random = sets.map(|set| (set.clone(), value(&set))).collect();
         Self { file, covariance, candidates, workspace, info, random, prepared }
     }
 

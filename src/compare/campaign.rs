@@ -1,5 +1,6 @@
 //! What is run: problems by noises by starts by seeds by identifiers, in this order.
 
+use super::dependencies;
 use super::line::{ProblemKey, RunKey, SolverKey, Source};
 use super::tolerance::Tolerance;
 use crate::files::ProblemFile;
@@ -149,6 +150,7 @@ impl Campaign {
                 tolerance: self.tolerance.clone(),
                 limit: self.limit,
                 version: env!("CARGO_PKG_VERSION").to_owned(),
+                dependencies: dependencies::versions().clone(),
             };
             (index, key)
         };

@@ -59,6 +59,9 @@ pub struct RunKey {
     pub limit: Option<usize>,
     /// Version of this program.
     pub version: String,
+    /// Versions of the crates that do the numerical work, by name; empty in lines from before they were noted.
+    #[serde(default)]
+    pub dependencies: BTreeMap<String, String>,
 }
 
 /// How a run ended.
@@ -237,6 +240,17 @@ impl RunKey {
     /// The key as text, by which runs are told apart and put in order.
     pub fn text(&self) -> String {
         serde_json::to_string(self).unwrap_or_default()
+    }
+
+    /// The numerical crates for people, such as `argmin 0.11.0, clarabel 0.11.1`.
+    pub fn dependencies_text(&self) -> String {
+        match self.dependencies.is_empty() {
+            true => "not noted".into(),
+            false => {
+                let each = self.dependencies.iter().map(|(name, version)| format!("{name} {version}"));
+                each.collect::<Vec<_>>().join(", ")
+            }
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub mod bound;
 pub mod campaign;
+pub mod dependencies;
 pub mod draw;
 pub mod execute;
 pub mod figures;

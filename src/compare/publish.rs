@@ -46,7 +46,12 @@ pub fn files(lines: &[RunLine]) -> Result<Vec<Named>, Mixed> {
         title: "Comparison of identifiers".into(),
         intro: intro(&study, lines),
         sections: vec![about, overview, pictures, Section::new("Problems").with(Part::Table(by_problem))],
-        note: format!("gough {} on {}", study.sample.run.version, study.sample.cost.machine),
+        note: format!(
+            "gough {} ({}) on {}",
+            study.sample.run.version,
+            study.sample.run.dependencies_text(),
+            study.sample.cost.machine
+        ),
     };
     files.push(("index.html".into(), page.html()));
     Ok(files)

@@ -160,6 +160,7 @@ fn check(lines: &[RunLine], sample: &RunLine) -> Result<(), Mixed> {
             ("the tolerance", tolerance(&a.tolerance), tolerance(&b.tolerance)),
             ("the limit of evaluations", limit(a.limit), limit(b.limit)),
             ("the version", a.version.clone(), b.version.clone()),
+            ("the set of numerical crates", a.dependencies_text(), b.dependencies_text()),
             ("the source of data", format!("{:?}", a.data), format!("{:?}", b.data)),
         ];
         for (what, one, other) in pairs {

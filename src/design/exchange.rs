@@ -242,20 +242,3 @@ fn random(info: &Information, poses: usize, seed: u64, start: u64) -> Vec<usize>
     rng.set_stream(start);
     sample(&mut rng, info.count(), poses).into_vec()
 }
-
-/// Exact values of random sets of `poses` candidates: what a plan is to be compared with.
-pub fn random_values(
-    info: &Information,
-    criterion: Criterion,
-    poses: usize,
-    seed: u64,
-    sets: usize,
-) -> Vec<(Vec<usize>, f64)> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut value = |_| {
-        let chosen = sample(&mut rng, info.count(), poses).into_vec();
-        let value = criterion.exact(info, &info.of(&chosen))?;
-        Some((chosen, value))
-    };
-    (0..sets).filter_map(&mut value).collect()
-}

@@ -6,14 +6,12 @@ use crate::calibration::{Calibration, Postures, Sample, close_at};
 use crate::identify::twists::twists_by_links;
 use crate::lie::Se3;
 use crate::linalg;
-use crate::measure::pose::NotPositive;
-use crate::measure::{Measurement, Pose};
+use crate::measure::Measurement;
 use crate::model::Mechanism;
 use crate::problem::{Form, Problem};
 use crate::simulate::read;
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, Side};
-use nalgebra::Matrix6;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -31,11 +29,6 @@ pub struct Instrument {
 }
 
 impl Instrument {
-    /// One that reads the components `seen` of a pose (rotation first) with this covariance (rad and m).
-    pub fn of_poses(seen: [bool; 6], covariance: &Matrix6<f64>) -> Result<Self, NotPositive> {
-        Ok(Self { blanks: vec![Arc::new(Pose::new(Se3::identity(), seen, covariance)?)] })
-    }
-
     /// What is read at a candidate.
     pub fn blank(&self, candidate: usize) -> usize {
         candidate % self.blanks.len().max(1)
@@ -162,12 +155,9 @@ impl Information {
 
     /// Information matrix of the chosen candidates, base included, k x k.
     pub fn of(&self, chosen: &[usize]) -> Mat<f64> {
-        let mut sum = self.base.clone();
-        for &candidate in chosen {
-            let columns = self.columns(candidate);
-            sum += &columns * columns.transpose();
-        }
-        sum
+        let mut weights = vec![0.0; self.count()];
+        chosen.iter().for_each(|&candidate| weights[candidate] += 1.0);
+        self.weighted(&weights)
     }
 
     /// Information matrix of weighted candidates, base included, k x k.

@@ -104,27 +104,25 @@ impl Covariance {
             let own: Vec<f64> = members.clone().map(|i| x[i]).collect();
             let (jac, by_noise) = limb.sensitivities(&own)?;
             let per_posture = jac.nrows() * 6 / readings.max(1);
+            let count = own.len();
             let svd = linalg::svd(jac.as_ref())
                 .ok_or_else(|| EvalError("a limb's Jacobian is not finite".into()))?;
-            for k in 0..own.len() {
+            let mut by_data = svd.v.get(.., ..count.min(svd.u.ncols())).to_owned();
+            for k in 0..count {
                 let s = svd.s.get(k).copied().unwrap_or(0.0);
                 let Some(w) = weight(estimate, s) else { return Ok(None) };
-                let (by_data, by_prior) = (s / (s * s + w), w / (s * s + w));
-                let v: Vec<f64> = svd.v.col(k).iter().copied().collect();
-                for (i, v) in members.clone().zip(&v) {
-                    prior[(i, members.start + k)] = v * by_prior;
+                for (i, v) in members.clone().zip(svd.v.col(k).iter()) {
+                    prior[(i, members.start + k)] = v * (w / (s * s + w));
                 }
-                if by_data == 0.0 || k >= svd.u.ncols() {
-                    continue;
+                if k < by_data.ncols() {
+                    by_data.as_mut().col_mut(k).iter_mut().for_each(|v| *v *= s / (s * s + w));
                 }
-                for column in 0..readings {
-                    let first = column / 6 * per_posture;
-                    let rows = first..first + per_posture;
-                    let along: f64 = rows.map(|row| svd.u[(row, k)] * by_noise[(row, column % 6)]).sum();
-                    for (i, v) in members.clone().zip(&v) {
-                        gain[(i, column)] += v * by_data * along;
-                    }
-                }
+            }
+            for posture in 0..readings / 6 {
+                let rows = per_posture * posture..per_posture * (posture + 1);
+                let along = svd.u.get(rows.clone(), ..by_data.ncols()).transpose() * by_noise.get(rows, ..);
+                let mut own = gain.as_mut().submatrix_mut(members.start, 6 * posture, count, 6);
+                own.copy_from(&by_data * along);
             }
         }
         let whole = problem.linearize(x)?.jac;

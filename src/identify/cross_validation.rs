@@ -71,8 +71,7 @@ pub fn cross_validate(
     identifier: &dyn Identifier,
     stop: &Stop,
 ) -> Result<Option<CrossValidation>, IdentifyError> {
-    let apart: Vec<&str> = found.set_aside.iter().map(|s| s.name.as_str()).collect();
-    let taking: Vec<Sample> = samples.iter().filter(|s| !apart.contains(&s.name.as_str())).cloned().collect();
+    let taking = found.taking_part(samples);
     let folds = folds.divide(taking.len());
     if folds.len() < 2 {
         return Ok(None);

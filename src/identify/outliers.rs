@@ -43,8 +43,7 @@ struct Tested {
 /// Where the median posture is worse than the stated noise makes it, its excess counts as noise: a model that misses
 /// everywhere by a little has no outliers.
 pub fn outliers(found: &Identification, samples: &[Sample]) -> Vec<Outlier> {
-    let apart = |sample: &Sample| found.set_aside.iter().any(|s| s.name == sample.name);
-    let taking: Vec<Sample> = samples.iter().filter(|s| !apart(s)).cloned().collect();
+    let taking = found.taking_part(samples);
     let mut geometry = found.geometry.clone();
     let mut influence = None;
     let mut out: Vec<usize> = Vec::new();

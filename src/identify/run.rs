@@ -284,12 +284,17 @@ impl Identification {
         Some(LinkRoot { root, prior_share: covariance.prior_share.clone() })
     }
 
+    /// Those of the samples that were not set aside.
+    pub(super) fn taking_part(&self, samples: &[Sample]) -> Vec<Sample> {
+        let apart = |sample: &&Sample| self.set_aside.iter().any(|s| s.name == sample.name);
+        samples.iter().filter(|sample| !apart(sample)).cloned().collect()
+    }
+
     /// Chi-square test of the residual of the samples that were identified from; `None` where linear theory does not
     /// apply or nothing is left to test.
     pub fn chi_square_test(&self, samples: &[Sample]) -> Option<ChiSquareTest> {
         let (value, freedom) = self.chi_square()?;
-        let apart = |name: &str| self.set_aside.iter().any(|s| s.name == name);
-        let taking: Vec<Sample> = samples.iter().filter(|s| !apart(&s.name)).cloned().collect();
+        let taking = self.taking_part(samples);
         let stands_out = |s: &Sample| self.outliers.iter().any(|o| o.name == s.name);
         let outlying: Vec<usize> = (0..taking.len()).filter(|&i| stands_out(&taking[i])).collect();
         let without = match outlying.is_empty() {

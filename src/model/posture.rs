@@ -154,8 +154,7 @@ impl Posture {
         if mechanism.is_open_chain() {
             return 1.0;
         }
-        self.place(mechanism, geometry);
-        self.split(mechanism);
+        self.open(mechanism, geometry);
         self.wrench_matrix.determinant().signum()
     }
 
@@ -177,8 +176,7 @@ impl Posture {
         geometry: &Geometry,
     ) -> Option<(f64, String)> {
         self.q.fill(0.0);
-        self.place(mechanism, geometry);
-        self.split(mechanism);
+        self.open(mechanism, geometry);
         let s = self.wrench_singular_values();
         (s[5] <= SINGULAR * s[0]).then(|| (s[5] / s[0], self.free_motion()))
     }

@@ -11,6 +11,19 @@ use std::time::Duration;
 
 pub const GOLDEN: [&str; 4] = ["hexapod-6ups", "hexapod-6pus", "serial-6r", "tripod-3rps"];
 
+/// Figures of a comparison on serial-puma560 and serial-scara, at two noises from two starts.
+pub const COMPARISON_FIGURES: [&str; 9] = [
+    "success",
+    "performance-evaluations",
+    "performance-time",
+    "data-profile",
+    "accuracy-time",
+    "consistency",
+    "success-start",
+    "error-noise-serial-puma560",
+    "error-noise-serial-scara",
+];
+
 /// A file of the repository.
 pub fn file(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)

@@ -1,8 +1,8 @@
 //! A model as a drawing.
 
 use super::graph::Graph;
-use super::limbs::{LimbJoint, LimbPath, limbs};
-use super::model::{JointKind, Model};
+use super::limbs::{LimbPath, limbs};
+use super::model::{Joint, JointKind, Model};
 use super::ties::Ties;
 use crate::files::values::{OneOrEach, RangeDrawing, RangeEntry};
 use crate::files::{JointDrawing, LimbDrawing, MechanismDrawing, PoseDrawing, Units};
@@ -129,7 +129,7 @@ fn draw(name: String, path: &LimbPath<'_>, tool: &Se3, driven: &[&str]) -> LimbD
     }
 }
 
-fn draw_joint(joint: &LimbJoint<'_>, driven: &[&str]) -> JointDrawing {
+fn draw_joint(joint: &Joint<'_>, driven: &[&str]) -> JointDrawing {
     let actuated = joint.name.is_some_and(|name| driven.contains(&name));
     let kind = match joint.kind {
         JointKind::Slide => "prismatic",

@@ -8,24 +8,13 @@ use crate::formats::error::quoted;
 use crate::lie::Se3;
 use nalgebra::Vector3;
 
-/// A joint of a limb in {S} at home.
-#[derive(Clone, Debug)]
-pub struct LimbJoint<'a> {
-    pub name: Option<&'a str>,
-    pub kind: JointKind,
-    pub point: Vector3<f64>,
-    /// Of a hinge or slide, in the sense in which the joint reads.
-    pub axis: Vector3<f64>,
-    pub range: Option<(f64, f64)>,
-    pub reference: f64,
-}
-
 /// A limb.
 #[derive(Clone, Debug)]
 pub struct LimbPath<'a> {
     /// Of its first body, where that has joints and a name.
     pub name: Option<String>,
-    pub joints: Vec<LimbJoint<'a>>,
+    /// In {S} at home, axes in the sense in which the joints read.
+    pub joints: Vec<Joint<'a>>,
     /// Pose of the platform's group in {S} at home.
     pub platform: Se3,
 }
@@ -119,14 +108,7 @@ impl<'a> LimbPath<'a> {
                 };
                 let point = first.r * point + first.p;
                 let (kind, axis) = (JointKind::Ball, Vector3::z());
-                self.joints.push(LimbJoint {
-                    name: tie.name,
-                    kind,
-                    point,
-                    axis,
-                    range: None,
-                    reference: 0.0,
-                });
+                self.joints.push(Joint { name: tie.name, kind, point, axis, range: None, reference: 0.0 });
                 self.platform = match forward {
                     true => first * tie.relative * to.inverse(),
                     false => first * from.inverse(),
@@ -140,14 +122,11 @@ impl<'a> LimbPath<'a> {
             true => self.platform * *parent * body.pose,
             false => self.platform * *child,
         };
-        let seen = |joint: &Joint<'a>| LimbJoint {
-            name: joint.name,
-            kind: joint.kind,
+        let seen = |joint: &Joint<'a>| Joint {
             point: frame.r * joint.point + frame.p,
             // From the child the parent is seen to move the other way.
             axis: frame.r * joint.axis * if forward { 1.0 } else { -1.0 },
-            range: joint.range,
-            reference: joint.reference,
+            ..joint.clone()
         };
         match forward {
             true => self.joints.extend(body.joints.iter().map(seen)),

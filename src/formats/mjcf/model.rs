@@ -21,14 +21,14 @@ pub enum JointKind {
     Free,
 }
 
-/// A joint between a body and its parent.
+/// A joint between a body and its parent: in the frame of the body, as part of a limb in {S}.
 #[derive(Clone, Debug)]
 pub struct Joint<'a> {
     pub name: Option<&'a str>,
     pub kind: JointKind,
-    /// In the body's frame, m.
+    /// m.
     pub point: Vector3<f64>,
-    /// In the body's frame, a unit vector.
+    /// A unit vector.
     pub axis: Vector3<f64>,
     /// rad or m.
     pub range: Option<(f64, f64)>,
