@@ -92,6 +92,9 @@ impl Descent<'_> {
                 if self.rescale(&mut point) {
                     continue;
                 }
+                if criterion == Criterion::Gradient {
+                    report.trace.extend(self.refine(&mut point));
+                }
                 report.outcome = Outcome::Converged(criterion);
                 break;
             }
@@ -211,6 +214,25 @@ impl Descent<'_> {
         } else {
             None
         }
+    }
+
+    /// A last step from a stationary point, if it leads to another one.
+    ///
+    /// A gradient is measured against columns of the Jacobian. Along a direction that the data hardly see, one that is
+    /// nothing by that measure can still be millionths of a tolerance away from its zero.
+    fn refine(&self, point: &mut Point) -> Option<Iterate> {
+        if !point.loss.smooth() {
+            return None;
+        }
+        let step = self.model(point).step(&point.here, point.radius).ok()?;
+        let there = Here::at(self.problem, &step.u, point.loss.needs_rows()).ok()?;
+        let (before, after) = (self.merit(point, &point.here), self.merit(point, &there));
+        let stationary = self.stationarity(point, &there).residual <= self.stop.gradient;
+        if !stationary || after > before * (1.0 + FLAT) {
+            return None;
+        }
+        point.here = there;
+        Some(Iterate { cost: after, step: step.length, kept: None })
     }
 
     fn search(&self, point: &mut Point) -> Trial {
