@@ -174,6 +174,12 @@ impl Model<'_> {
         })
     }
 
+    /// The solution of the program about `here`, if Newton steps from `near` reach it.
+    pub fn solution_near(&self, here: &Here, near: &[f64], passes: usize) -> Option<Vec<f64>> {
+        let frame = Frame { here, unit: self.units(here, None) };
+        self.warm(&frame, None, near, passes).map(|step| step.u)
+    }
+
     /// The step on the active set of `near`, if it satisfies the program's conditions: those are sufficient, the
     /// program being convex, so that clarabel need not be asked. Near a solution it never is.
     fn warm(&self, frame: &Frame, radius: Option<f64>, near: &[f64], passes: usize) -> Option<Step> {
