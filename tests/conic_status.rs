@@ -6,7 +6,7 @@ use gough::problem::{Dual, EvalError, Formula};
 use gough::solve::conic::here::Here;
 use gough::solve::conic::loss::Frame;
 use gough::solve::conic::program::{Owner, Program, Solution};
-use gough::solve::conic::step::usable;
+use gough::solve::conic::step::{NoStep, usable};
 use gough::solve::{Failure, Identifier, Outcome, Stop, conic::Conic};
 
 /// `min |x - 3|^2 / 2` in two variables within `|x_i| <= 1` and, to make it work for it, a cone.
@@ -74,6 +74,9 @@ fn infeasible_with_a_certificate_that_names_the_culprits() {
     assert!(clash.clash(&solution.z).contains(&Owner::Param(1)));
     assert!(!used(SolverStatus::PrimalInfeasible, vec![1.0, 1.0]));
     assert!(!used(SolverStatus::AlmostPrimalInfeasible, vec![1.0, 1.0]));
+    // About a point within the limits it can only be rounding, and is not called anything else.
+    let why = NoStep::of(SolverStatus::PrimalInfeasible).0;
+    assert!(why.starts_with("numerical failure (PrimalInfeasible"), "{why}");
 }
 
 #[test]

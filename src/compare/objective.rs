@@ -21,6 +21,10 @@ struct Seen {
     /// Limit of every coordinate.
     limits: Vec<(f64, f64)>,
     groups: Vec<Group>,
+    /// Largest distance by which a limit is overstepped, tolerances; negative where all are kept.
+    over: f64,
+    /// Whether coordinates by themselves matter.
+    form: Form,
 }
 
 /// What an objective says of a result.
@@ -38,11 +42,11 @@ pub struct Judged {
 /// or a sample does not close.
 pub fn judged(found: &Identification, samples: &[Sample], reference: &Geometry) -> Option<Judged> {
     let objective = found.report.objective.as_ref()?;
-    let here = Seen::at(&found.start, &found.geometry, samples, objective)?;
+    let here = Seen::at(&found.start, &found.geometry, samples, objective, None)?;
     // Far from the noise Huber's threshold follows the residual; the reference is judged by the same one.
     let loss = loss(objective.loss, objective.delta)?.at_scale(&here.r);
-    let there = Seen::at(&found.start, reference, samples, objective)?;
-    let possible = there.violation(objective) <= TOUCHES;
+    let there = Seen::at(&found.start, reference, samples, objective, Some(here.form))?;
+    let possible = there.over <= TOUCHES;
     let offset = loss.smooth().then(|| here.offset(objective, loss.as_ref())).flatten();
     Some(Judged {
         value: here.value(objective, loss.as_ref()),
@@ -51,15 +55,40 @@ pub fn judged(found: &Identification, samples: &[Sample], reference: &Geometry) 
     })
 }
 
+/// Largest distance by which `x` oversteps a limit, negative where it keeps all.
+fn overstepped(x: &[f64], limits: &[(f64, f64)], cone: f64, groups: &[Group]) -> f64 {
+    let beyond = x.iter().zip(limits).map(|(x, (low, high))| (low - x).max(x - high));
+    let far = groups.iter().map(|group| group.length(x) - cone);
+    beyond.chain(far).fold(f64::NEG_INFINITY, f64::max)
+}
+
 impl Seen {
-    fn at(start: &Mechanism, geometry: &Geometry, samples: &[Sample], objective: &Objective) -> Option<Self> {
+    /// The machine in `form`, or in the one that suits it.
+    fn at(
+        start: &Mechanism,
+        geometry: &Geometry,
+        samples: &[Sample],
+        objective: &Objective,
+        form: Option<Form>,
+    ) -> Option<Self> {
         let at = geometry.deviations_from(&start.nominal());
         let of = |form| Calibration::new(start, samples, form, &at);
         let complete = of(Form::Complete);
-        let limited = complete.params().iter().any(|param| param.bounds.0.max(-param.bounds.1).is_finite());
-        // Only where equivalent descriptions cost the same the redundancy can be left out.
-        let bound = limited || objective.bounds < f64::INFINITY || objective.penalises_links();
-        let problem = if bound { complete } else { of(Form::Minimal) };
+        let limit = |bounds: (f64, f64)| (bounds.0.max(-objective.bounds), bounds.1.min(objective.bounds));
+        let limits: Vec<(f64, f64)> = complete.params().iter().map(|param| limit(param.bounds)).collect();
+        let over =
+            overstepped(&complete.coordinates().nearest(&at), &limits, objective.cone, complete.groups());
+        // Only where equivalent descriptions cost the same, and no limit tells them apart, the redundancy can be left
+        // out.
+        let by_themselves = objective.threshold.is_none() || over >= -TOUCHES;
+        let form = form.unwrap_or(if by_themselves { Form::Complete } else { Form::Minimal });
+        let (problem, limits, groups) = match form {
+            Form::Complete => {
+                let groups = complete.groups().to_vec();
+                (complete, limits, groups)
+            }
+            _ => (of(form), Vec::new(), Vec::new()),
+        };
         if !problem.set_aside().is_empty() {
             return None;
         }
@@ -74,9 +103,7 @@ impl Seen {
             lin.r.extend(linalg::mul(rows.as_ref(), &x));
             lin.jac = faer::concat![[lin.jac], [rows]];
         }
-        let limit = |bounds: (f64, f64)| (bounds.0.max(-objective.bounds), bounds.1.min(objective.bounds));
-        let limits = problem.params().iter().map(|param| limit(param.bounds)).collect();
-        Some(Self { x, r: lin.r, jac: lin.jac, limits, groups: problem.groups().to_vec() })
+        Some(Self { x, r: lin.r, jac: lin.jac, limits, groups, over, form })
     }
 
     fn value(&self, objective: &Objective, loss: &dyn Loss) -> f64 {
@@ -87,13 +114,6 @@ impl Seen {
             + 0.5 * objective.ridge * squares
             + objective.lasso * sizes
             + objective.group * lengths
-    }
-
-    /// Largest distance by which a limit is overstepped, tolerances.
-    fn violation(&self, objective: &Objective) -> f64 {
-        let beyond = self.x.iter().zip(&self.limits).map(|(x, (low, high))| (low - x).max(x - high));
-        let far = self.groups.iter().map(|group| group.length(&self.x) - objective.cone);
-        beyond.chain(far).fold(0.0, f64::max)
     }
 
     /// (13.5): the Gauss-Newton step on the face of the limits and of the zeros that the point lies on, no longer than
@@ -127,7 +147,7 @@ impl Seen {
         let variance = square / (self.r.len() as f64 - known).max(1.0);
         let offset = (decrement / known / variance.max(1.0)).sqrt();
         // Whatever oversteps a limit is no solution.
-        let possible = self.violation(objective) <= TOUCHES;
+        let possible = self.over <= TOUCHES;
         offset.is_finite().then_some(if possible { offset } else { f64::MAX })
     }
 

@@ -19,8 +19,9 @@ pub struct Anchored<'p> {
     curvature: Vec<f64>,
 }
 
-/// Most splits: each after a run under the one before.
-const SPLITS: usize = 12;
+/// Most splits, each after a run under the one before: as many as it takes at the slowest rate that goes on, a half, from
+/// ten tolerances to [`SETTLED`].
+const SPLITS: usize = 30;
 /// How far, in tolerances, a solution may still move under the prior's weights at its end.
 pub const SETTLED: f64 = 1e-8;
 

@@ -17,6 +17,9 @@ pub struct ArgminLm {
     pub threshold: f64,
 }
 
+/// How much smaller a gradient must be where weak directions have a prior.
+const WEAK: f64 = 1e-3;
+
 impl Default for ArgminLm {
     fn default() -> Self {
         Self { threshold: 1.0 }
@@ -50,7 +53,10 @@ impl Identifier for ArgminLm {
         let estimate = settings::estimate(problem, self.threshold);
         let report = Report::new(self.name(), start, estimate);
         settle(problem, start, self.threshold, SETTLED, stop, report, |problem, from, stop| {
-            let found = minimise(problem, from, stop);
+            // A gradient that is nothing by the columns of the Jacobian leaves weak directions short of where the prior
+            // has them: the cost or the step ends a run there.
+            let gradient = if problem.has_prior() { WEAK * stop.gradient } else { stop.gradient };
+            let found = minimise(problem, from, &Stop { gradient, ..*stop });
             Report {
                 x: found.x,
                 cost: found.cost,

@@ -22,11 +22,3 @@ pub struct Objective {
     /// Limit on the length of every group; infinite for none.
     pub cone: f64,
 }
-
-impl Objective {
-    /// Whether coordinates and groups matter by themselves, so that equivalent descriptions of a machine cost different
-    /// amounts.
-    pub fn penalises_links(&self) -> bool {
-        self.ridge > 0.0 || self.lasso > 0.0 || self.group > 0.0 || self.cone < f64::INFINITY
-    }
-}

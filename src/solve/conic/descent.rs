@@ -9,6 +9,7 @@ use super::restore::restore;
 use super::step::{Model, Step};
 use crate::linalg::{self, norm};
 use crate::problem::{Problem, cost};
+use crate::solve::anchored::SETTLED;
 use crate::solve::damped::column_norms;
 use crate::solve::identifier::Stop;
 use crate::solve::report::{ActiveBound, Criterion, Failure, Iterate, Outcome, Report};
@@ -17,6 +18,8 @@ use crate::solve::report::{ActiveBound, Criterion, Failure, Iterate, Outcome, Re
 const ACCEPT: f64 = 1e-4;
 /// Relative change of the merit within which rounding decides; stationarity judges there.
 const FLAT: f64 = 1e-9;
+/// Rise of the merit, relative to it, that rounding of the residuals explains.
+const ROUNDING: f64 = 1e-11;
 /// Trial steps from one point.
 const TRIALS: usize = 40;
 /// Radius, relative to the point, below which nothing is gained by going on.
@@ -92,6 +95,9 @@ impl Descent<'_> {
                 if self.rescale(&mut point) {
                     continue;
                 }
+                if criterion == Criterion::Gradient {
+                    self.refine(&mut point, &mut report);
+                }
                 report.outcome = Outcome::Converged(criterion);
                 break;
             }
@@ -118,6 +124,9 @@ impl Descent<'_> {
                         && let Some(criterion) = ended(tiny, flat)
                         && !self.rescale(&mut point)
                     {
+                        if criterion == Criterion::Cost {
+                            self.refine(&mut point, &mut report);
+                        }
                         report.outcome = Outcome::Converged(criterion);
                         break;
                     }
@@ -210,6 +219,33 @@ impl Descent<'_> {
             Some(Criterion::Gradient)
         } else {
             None
+        }
+    }
+
+    /// Further steps from where gradient or cost end a run, each at most half as long as the one before, until they are
+    /// nothing in tolerances.
+    ///
+    /// A gradient is measured against columns of the Jacobian, and a cost against the whole. Along a direction that the data
+    /// hardly see, what is nothing by these measures can still be millionths of a tolerance away.
+    fn refine(&self, point: &mut Point, report: &mut Report) {
+        let mut last = f64::INFINITY;
+        while point.loss.smooth() && report.trace.len() < self.stop.iterations {
+            let Ok(step) = self.model(point).step(&point.here, point.radius) else { return };
+            let Ok(there) = Here::at(self.problem, &step.u, point.loss.needs_rows()) else { return };
+            let (before, after) = (self.merit(point, &point.here), self.merit(point, &there));
+            let residual = |at: &Here| self.stationarity(point, at).residual;
+            if step.length > 0.5 * last
+                || after > before * (1.0 + ROUNDING)
+                || residual(&there) > self.stop.gradient.max(residual(&point.here))
+            {
+                return;
+            }
+            report.trace.push(Iterate { cost: after, step: step.length, kept: None });
+            point.here = there;
+            last = step.length;
+            if last <= SETTLED * self.reach(point) {
+                return;
+            }
         }
     }
 

@@ -207,37 +207,8 @@ impl Identifier for Conic {
             return report.fail(Failure::Unsuited(format!("there is no loss '{}'", self.options.loss)));
         };
         if self.options.regulariser == Regulariser::None {
-            // The redundancy serves limits and sparse penalties; without them it only makes programs larger.
-            if limits.none()
-                && let Some(reduced) = Reduced::new(problem)
-            {
-                let mut report = self.identify(&reduced, &reduced.coordinates(start), stop);
-                report.x = reduced.point(&report.x);
-                return report;
-            }
             let report = Report { estimate: self.estimate(problem, &limits, 1.0), ..report };
-            let settled = |loss: &dyn Loss, way: f64, report: Report| {
-                settle(
-                    problem,
-                    &report.x.clone(),
-                    THRESHOLD,
-                    way,
-                    stop,
-                    report.clone(),
-                    |problem, from, stop| {
-                        let penalty = Penalty::default();
-                        let report = Report { x: from.to_vec(), ..report.clone() };
-                        Descent { problem, loss, penalty, limits: &limits, stop }.run(from, report)
-                    },
-                )
-            };
-            if loss.smooth() {
-                return settled(loss.as_ref(), SETTLED, report);
-            }
-            // Linear programs are dear: least squares leads near the solution.
-            let near = settled(&LeastSquares, COARSE, report.clone());
-            let x = if near.outcome.converged() { near.x } else { report.x };
-            return settled(loss.as_ref(), COARSE, Report { x, ..report });
+            return unpenalised(problem, loss.as_ref(), &limits, stop, report);
         }
         let mut descent = Descent {
             problem,
@@ -256,4 +227,54 @@ impl Identifier for Conic {
         let from = report.x.clone();
         descent.run(&from, report)
     }
+}
+
+/// The optimum without a penalty: that without limits where it keeps them, for limits that change nothing have no say.
+fn unpenalised(
+    problem: &dyn Problem,
+    loss: &dyn Loss,
+    limits: &Limits,
+    stop: &Stop,
+    report: Report,
+) -> Report {
+    if limits.none() {
+        return unlimited(problem, loss, stop, report);
+    }
+    // Linear programs are too dear to be solved for nothing.
+    if loss.smooth() {
+        let free = unlimited(problem, loss, stop, report.clone());
+        if free.outcome.converged() && limits.violation(&free.x, problem.groups()) == 0.0 {
+            return free;
+        }
+    }
+    settled(problem, loss, limits, stop, report)
+}
+
+/// The optimum without limits. The redundancy serves limits and sparse penalties; here it only makes programs larger.
+fn unlimited(problem: &dyn Problem, loss: &dyn Loss, stop: &Stop, report: Report) -> Report {
+    let Some(reduced) = Reduced::new(problem) else {
+        return settled(problem, loss, &Limits::unlimited(problem.params().len()), stop, report);
+    };
+    let limits = Limits::unlimited(reduced.params().len());
+    let from = Report { x: reduced.coordinates(&report.x), ..report };
+    let found = settled(&reduced, loss, &limits, stop, from);
+    Report { x: reduced.point(&found.x), ..found }
+}
+
+/// The optimum from `report.x`, the prior's weights those that belong to it.
+fn settled(problem: &dyn Problem, loss: &dyn Loss, limits: &Limits, stop: &Stop, report: Report) -> Report {
+    let to = |loss: &dyn Loss, way: f64, report: Report| {
+        let start = report.x.clone();
+        settle(problem, &start, THRESHOLD, way, stop, report.clone(), |problem, from, stop| {
+            let report = Report { x: from.to_vec(), ..report.clone() };
+            Descent { problem, loss, penalty: Penalty::default(), limits, stop }.run(from, report)
+        })
+    };
+    if loss.smooth() {
+        return to(loss, SETTLED, report);
+    }
+    // Linear programs are dear: least squares leads near the solution.
+    let near = to(&LeastSquares, COARSE, report.clone());
+    let x = if near.outcome.converged() { near.x } else { report.x };
+    to(loss, COARSE, Report { x, ..report })
 }

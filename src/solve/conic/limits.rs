@@ -33,6 +33,11 @@ impl Limits {
         if reversed.is_empty() { Ok(Self { lower, upper, cone }) } else { Err(reversed) }
     }
 
+    /// No limits on `n` coordinates.
+    pub fn unlimited(n: usize) -> Self {
+        Self { lower: vec![f64::NEG_INFINITY; n], upper: vec![f64::INFINITY; n], cone: f64::INFINITY }
+    }
+
     /// Whether there are none.
     pub fn none(&self) -> bool {
         self.cone.is_infinite() && self.lower.iter().chain(&self.upper).all(|limit| limit.is_infinite())

@@ -47,6 +47,19 @@ pub struct Step {
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoStep(pub String);
 
+impl NoStep {
+    /// Why a program that ended so gives no step. The point that a program is posed about satisfies it: what clarabel
+    /// takes for infeasible is rounding.
+    pub fn of(status: SolverStatus) -> Self {
+        match status {
+            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
+                Self(format!("numerical failure ({status:?}, although the point itself is feasible)"))
+            }
+            _ => Self(format!("{status:?}")),
+        }
+    }
+}
+
 /// Programs with a growing working set before its last answer is taken as it is.
 const ROUNDS: usize = 12;
 /// Newton steps of a polish, each with one look at the active set.
@@ -70,9 +83,14 @@ impl Model<'_> {
     }
 
     /// The scale of [`Self::program_gradient`].
+    ///
+    /// The last digit of `u` changes what the model predicts: influences below that are none, however small the
+    /// compressed residual is.
     pub fn program_measure(&self, here: &Here, u: &[f64]) -> Vec<f64> {
         let influence = linalg::norm(&self.loss.influence(&here.predict(u)));
-        kkt::measure(&column_norms(&here.jac), influence, &self.penalty, u)
+        let columns = column_norms(&here.jac);
+        let digit: Vec<f64> = columns.iter().zip(u).map(|(c, u)| f64::EPSILON * c * u).collect();
+        kkt::measure(&columns, influence.max(linalg::norm(&digit) / VERIFIED), &self.penalty, u)
     }
 
     /// The conditions of the program, not of the nonlinear problem, at `u`.
@@ -127,7 +145,7 @@ impl Model<'_> {
         let (mut u, solution) = loop {
             let program = self.program(&frame, radius, &working);
             let solution = program.solve().map_err(NoStep)?;
-            let u = usable(&solution, &frame).ok_or_else(|| NoStep(format!("{:?}", solution.status)))?;
+            let u = usable(&solution, &frame).ok_or_else(|| NoStep::of(solution.status))?;
             let missing = self.loss.missing(&here.predict(&u), &working);
             if missing.is_empty() || round == ROUNDS {
                 break (u, solution);
@@ -154,6 +172,12 @@ impl Model<'_> {
             status: Some(solution.status),
             u,
         })
+    }
+
+    /// The solution of the program about `here`, if Newton steps from `near` reach it.
+    pub fn solution_near(&self, here: &Here, near: &[f64], passes: usize) -> Option<Vec<f64>> {
+        let frame = Frame { here, unit: self.units(here, None) };
+        self.warm(&frame, None, near, passes).map(|step| step.u)
     }
 
     /// The step on the active set of `near`, if it satisfies the program's conditions: those are sufficient, the
@@ -218,7 +242,7 @@ impl Model<'_> {
 /// The point that a solution stands for, where its status and values allow to use it at all.
 ///
 /// Less than `Solved` is tolerated, because every step is judged by the true merit afterwards. Infeasible cannot
-/// be right, the point itself being within the limits. `MaxTime` and `CallbackTerminated` cannot come: there is no
+/// be right: the point itself is within the limits, and penalties are posed so that it satisfies their rows too. `MaxTime` and `CallbackTerminated` cannot come: there is no
 /// time limit and no callback.
 pub fn usable(solution: &Solution, frame: &Frame) -> Option<Vec<f64>> {
     match solution.status {

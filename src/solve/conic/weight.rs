@@ -31,6 +31,8 @@ impl std::fmt::Display for WeightRule {
 /// Newton steps from the solution under a neighbouring weight, each of which may change the active set, before clarabel
 /// is asked: it takes as long as dozens of them.
 const PATH_PASSES: usize = 150;
+/// Half decades above the first weight from which the path of the lasso starts: up there next to nothing is off nominal.
+const ABOVE: i32 = 8;
 /// Parts into which the samples are divided, each left out once.
 const FOLDS: usize = 5;
 
@@ -59,14 +61,20 @@ pub fn choose<'a>(
     let needs_rows = with(1.0).loss.needs_rows();
     let parts: Vec<Part> = held.into_iter().map(|held| Part::without(held, &rows, needs_rows)).collect();
     let mut curve: Vec<(WeightPoint, Vec<Vec<f64>>)> = Vec::new();
-    let attempt = |weight: f64, near: &[Vec<f64>]| {
-        let (score, fits) = score(&with(weight), &rows, &parts, near)?;
+    let attempt = |weight: f64, half_decades: i32, near: &[Vec<f64>]| {
+        // Between neighbouring half decades few coordinates of the lasso come or go: Newton steps from one solution to the
+        // next are a tenth of what clarabel costs.
+        let above = if with(weight).penalty.lasso > 0.0 { half_decades } else { 0 };
+        let path: Vec<Model> =
+            (1..=above).rev().map(|k| with(weight * 10f64.powf(0.5 * f64::from(k)))).collect();
+        let (score, fits) = score(&with(weight), &path, &rows, &parts, near)?;
         Ok::<_, String>((WeightPoint { weight, score: score / m as f64 }, fits))
     };
     // From the largest weight, under which next to nothing is off nominal: each solution is near the one before.
     let mut near = vec![vec![0.0; x.len()]; parts.len()];
     for decade in DECADES.rev() {
-        let tried = attempt(10f64.powi(decade), &near)?;
+        let above = if curve.is_empty() { ABOVE } else { 1 };
+        let tried = attempt(10f64.powi(decade), above, &near)?;
         near.clone_from(&tried.1);
         curve.push(tried);
         if enough(rule, &curve) {
@@ -88,7 +96,7 @@ pub fn choose<'a>(
             && curve.iter().any(|(point, _)| point.weight < weight)
         {
             let near = near.clone();
-            curve.push(attempt(weight, &near)?);
+            curve.push(attempt(weight, 0, &near)?);
         }
     }
     let points = points(&curve);
@@ -154,16 +162,22 @@ impl Part {
     }
 }
 
-/// The fits of all parts, each from the point near which it may be, and what their rows left out cost, twice, so that
-/// it is a sum of squares for least squares; where none are left out, the sum of squares that the fit leaves.
+/// The fits of all parts, each from the point near which it may be by way of the solutions of `path`, and what their rows
+/// left out cost, twice, so that it is a sum of squares for least squares; where none are left out, the sum of squares
+/// that the fit leaves.
 fn score(
     model: &Model,
+    path: &[Model],
     rows: &Here,
     parts: &[Part],
     near: &[Vec<f64>],
 ) -> Result<(f64, Vec<Vec<f64>>), String> {
     let of_part = |(part, near): (&Part, &Vec<f64>)| {
-        let fit = model.step_near(&part.here, None, near, PATH_PASSES).map_err(|why| why.0)?.u;
+        let mut near = near.clone();
+        for larger in path {
+            near = larger.solution_near(&part.here, &near, PATH_PASSES).unwrap_or(near);
+        }
+        let fit = model.step_near(&part.here, None, &near, PATH_PASSES).map_err(|why| why.0)?.u;
         let predicted = rows.predict(&fit);
         let cost = if part.held.is_empty() {
             predicted.iter().map(|v| v * v).sum()
