@@ -8,7 +8,7 @@ const LAYERS: [(&str, &[&str]); 19] = [
     ("wide", &[]),
     ("lie", &[]),
     ("statistics", &[]),
-    ("linalg", &["problem"]),
+    ("linalg", &["wide", "problem"]),
     // A problem knows no robot, no file and no terminal.
     ("problem", &["linalg"]),
     ("model", &["wide", "lie"]),

@@ -3,30 +3,25 @@
 //! With whole poses measured, a limb's own wrenches tell its errors whatever the other limbs do. What is lost is the
 //! correlation of one pose's noise between limbs.
 
+use super::approach::{Approach, TOGETHER};
 use super::coordinates::{Coordinates, LimbCoordinates};
 use super::rows::RowWriter;
 use super::sample::Sample;
 use crate::lie::Se3;
 use crate::linalg::{RowBlock, RowStream};
 use crate::measure::{Evaluation, Row, View};
-use crate::model::mechanism::pose_difference;
 use crate::model::{Geometry, Mechanism, Posture, Turn};
 use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
 use faer::{Mat, MatRef};
 use nalgebra::Matrix6;
 use std::sync::{Mutex, PoisonError};
 
-/// Passive joint step (rad, machine sizes) below which the limb is at the pose: the residual depends on it by
-/// second order only, 1e-12.
-const AT_POSE: f64 = 1e-6;
-const MAX_ITERATIONS: usize = 30;
-
 /// A whole measured pose.
 #[derive(Clone, Debug)]
 pub struct WholePose {
-    measured: Se3,
-    /// Square root of its covariance, `[rotation; displacement]`.
-    root: Matrix6<f64>,
+    pub(super) measured: Se3,
+    /// Square root of its covariance, `[rotation; displacement]`, row by row.
+    root: [[f64; 6]; 6],
 }
 
 impl WholePose {
@@ -40,7 +35,7 @@ impl WholePose {
         let mut there = Evaluation::default();
         sample.measurement.evaluate(&View::of_tool(&measured), &mut there);
         let root = Matrix6::from_fn(|i, j| there.rows[i].by_tool[j]).try_inverse()?;
-        Some(Self { measured, root })
+        Some(Self { measured, root: std::array::from_fn(|i| std::array::from_fn(|j| root[(i, j)])) })
     }
 }
 
@@ -105,7 +100,7 @@ impl<'a> LimbProblem<'a> {
             let root = &self.starts[posture_number].pose.root;
             for (i, row) in rows.iter().enumerate() {
                 for j in 0..6 {
-                    by_noise[(first + i, j)] = (0..6).map(|l| row.by_tool[l] * root[(l, j)]).sum();
+                    by_noise[(first + i, j)] = (0..6).map(|l| row.by_tool[l] * root[l][j]).sum();
                 }
             }
             first += rows.len();
@@ -115,86 +110,60 @@ impl<'a> LimbProblem<'a> {
     }
 
     fn visit(&self, geometry: &Geometry, mut visit: impl FnMut(&Posture, &[Row])) -> Result<(), EvalError> {
-        let mut posture = self.home.clone();
+        let mut approach = Approach::new(&self.mechanism, geometry, &self.home);
         let mut rows = vec![Row::default(); self.wrench_count()];
         let mut reached = self.reached.lock().unwrap_or_else(PoisonError::into_inner);
-        for (start, reached) in self.starts.iter().zip(reached.chunks_exact_mut(posture.q.len().max(1))) {
-            posture.set_turns(reached);
-            let error = self.approach(&mut posture, geometry, start)?;
-            self.evaluate(&posture, start, &error, &mut rows)?;
-            visit(&posture, &rows);
-            if posture.turns().iter().zip(start.turns).all(|(to, from)| (to.q - from.q).abs() < NEAR) {
-                reached.copy_from_slice(posture.turns());
+        let joints = self.home.q.len().max(1);
+        for (starts, reached) in self.starts.chunks(TOGETHER).zip(reached.chunks_mut(TOGETHER * joints)) {
+            for (posture, reached) in approach.postures.iter_mut().zip(reached.chunks_exact(joints)) {
+                posture.set_turns(reached);
+            }
+            approach.close(starts).map_err(|late| {
+                let limb = &self.mechanism.limbs[0].name;
+                EvalError(format!("{}: {limb} does not come near the measured pose", starts[late].name))
+            })?;
+            for (lane, (start, reached)) in starts.iter().zip(reached.chunks_exact_mut(joints)).enumerate() {
+                self.evaluate(&approach, lane, start, &mut rows)?;
+                let posture = &approach.postures[lane];
+                visit(posture, &rows);
+                if posture.turns().iter().zip(start.turns).all(|(to, from)| (to.q - from.q).abs() < NEAR) {
+                    reached.copy_from_slice(posture.turns());
+                }
             }
         }
         Ok(())
     }
 
-    /// Passive joints that bring the limb's tool closest to the measured pose; returns its way from there, `[w; dp]` in rad
-    /// and m.
-    fn approach(
-        &self,
-        posture: &mut Posture,
-        geometry: &Geometry,
-        start: &LimbStart<'_>,
-    ) -> Result<[f64; 6], EvalError> {
-        let length = posture.length();
-        for _ in 0..MAX_ITERATIONS {
-            posture.open(&self.mechanism, geometry);
-            let (w, v) = pose_difference(&start.pose.measured, &posture.tool());
-            let gap = [w.x, w.y, w.z, v.x / length, v.y / length, v.z / length];
-            let steps = posture.splits[0].motions(&gap);
-            let passive =
-                self.mechanism.limbs[0].joints.iter().zip(&mut posture.q).filter(|(j, _)| !j.actuated);
-            let mut longest = 0.0_f64;
-            for ((joint, q), step) in passive.zip(&steps) {
-                *q += step;
-                longest = longest.max(joint.motion.size_of(*step, length));
-            }
-            if longest <= AT_POSE {
-                return Ok([w.x, w.y, w.z, v.x, v.y, v.z].map(|gap| -gap));
-            }
-        }
-        let limb = &self.mechanism.limbs[0].name;
-        Err(EvalError(format!("{}: {limb} does not come near the measured pose", start.name)))
-    }
-
     /// `C^-1 W e` and its derivative by the limb's tool twist, `C C'` the covariance of `W e`.
     fn evaluate(
         &self,
-        posture: &Posture,
+        approach: &Approach<'_>,
+        lane: usize,
         start: &LimbStart<'_>,
-        error: &[f64; 6],
         rows: &mut [Row],
     ) -> Result<(), EvalError> {
-        let length = posture.length();
-        let k = rows.len();
+        let per_length = 1.0 / self.home.length();
         // Gram-Schmidt on the rows of W root, done to W as well, whitens W e.
-        let mut w = [[0.0; 6]; 6];
-        let mut spread = [[0.0; 6]; 6];
-        for (i, wrench) in posture.splits[0].wrenches().iter().enumerate() {
-            w[i] = std::array::from_fn(|j| if j < 3 { wrench[j] } else { wrench[j] / length });
-            spread[i] = std::array::from_fn(|j| (0..6).map(|l| w[i][l] * start.pose.root[(l, j)]).sum());
-        }
-        for i in 0..k {
-            for j in 0..i {
-                let along = dot(&spread[i], &spread[j]);
-                for l in 0..6 {
-                    spread[i][l] -= along * spread[j][l];
-                    w[i][l] -= along * w[j][l];
-                }
+        let mut spreads = [[0.0; 6]; 6];
+        for (i, wrench) in approach.wrenches(lane).enumerate() {
+            let [a, b, c, x, y, z] = wrench;
+            let mut w = [a, b, c, x * per_length, y * per_length, z * per_length];
+            let mut spread = [0.0; 6];
+            for (w, root) in w.iter().zip(&start.pose.root) {
+                add(&mut spread, *w, root);
             }
-            let size = dot(&spread[i], &spread[i]).sqrt();
+            for (row, earlier) in rows.iter().zip(&spreads[..i]) {
+                let along = dot(&spread, earlier);
+                add(&mut spread, -along, earlier);
+                add(&mut w, -along, &row.by_tool);
+            }
+            let size = dot(&spread, &spread).sqrt();
             if !(size > 0.0 && size.is_finite()) {
                 return Err(EvalError(format!("{}: the noise of the limb's wrenches vanishes", start.name)));
             }
-            for l in 0..6 {
-                spread[i][l] /= size;
-                w[i][l] /= size;
-            }
-        }
-        for (row, w) in rows.iter_mut().zip(&w) {
-            *row = Row { r: dot(w, error), by_tool: *w };
+            spreads[i] = spread.map(|v| v / size);
+            let by_tool = w.map(|v| v / size);
+            rows[i] = Row { r: dot(&by_tool, &approach.errors[lane]), by_tool };
         }
         Ok(())
     }
@@ -208,6 +177,11 @@ impl<'a> LimbProblem<'a> {
 
 fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// `sum += factor * v`.
+fn add(sum: &mut [f64; 6], factor: f64, v: &[f64; 6]) {
+    sum.iter_mut().zip(v).for_each(|(sum, v)| *sum += factor * v);
 }
 
 impl Problem for LimbProblem<'_> {

@@ -1,5 +1,6 @@
 //! A machine and its measurements as a least-squares problem.
 
+mod approach;
 pub mod coordinates;
 pub mod limbwise;
 pub mod problem;

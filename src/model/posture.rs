@@ -3,6 +3,7 @@
 //! Twists here are those of the tool point, `[w; dp]`, lengths divided by the machine's size.
 
 use super::joint::Motion;
+use super::limb::Limb;
 use super::mechanism::{Geometry, Mechanism};
 use super::passive::PassiveSplit;
 use crate::lie::{Columns, Se3};
@@ -141,9 +142,9 @@ impl Posture {
         let mut frame = 0;
         let mut out = Vec::with_capacity(mechanism.limbs.len());
         for limb in &mechanism.limbs {
-            let tool = self.frames[frame + limb.joints.len()].p;
-            let passive = limb.joints.iter().zip(&self.frames[frame..]).filter(|(joint, _)| !joint.actuated);
-            out.push(passive.map(|(j, g)| scaled(j.motion.tool_twist(g, &tool), self.length)).collect());
+            let mut columns = Vec::with_capacity(6);
+            passive_twists(limb, &self.frames[frame..], self.length, &mut columns);
+            out.push(columns);
             frame += limb.links.len();
         }
         out
@@ -213,6 +214,16 @@ impl Posture {
         }
     }
 
+    /// Places the one limb of a machine that has no other; returns the twists of its passive joints, lengths in machine
+    /// sizes.
+    pub fn place_alone(&mut self, mechanism: &Mechanism, geometry: &Geometry) -> &[[f64; 6]] {
+        self.place(mechanism, geometry);
+        if let Some(limb) = mechanism.limbs.first() {
+            passive_twists(limb, &self.frames, self.length, &mut self.columns);
+        }
+        &self.columns
+    }
+
     pub(super) fn split(&mut self, mechanism: &Mechanism) {
         wide(
             #[inline(always)]
@@ -224,13 +235,7 @@ impl Posture {
     fn split_limbs(&mut self, mechanism: &Mechanism) {
         let (mut frame, mut row) = (0, 0);
         for (limb, split) in mechanism.limbs.iter().zip(&mut self.splits) {
-            let tool = self.frames[frame + limb.joints.len()].p;
-            self.columns.clear();
-            for (joint, g) in limb.joints.iter().zip(&self.frames[frame..]) {
-                if !joint.actuated {
-                    self.columns.push(scaled(joint.motion.tool_twist(g, &tool), self.length));
-                }
-            }
+            passive_twists(limb, &self.frames[frame..], self.length, &mut self.columns);
             split.factor(&self.columns);
             for wrench in split.wrenches() {
                 if row < 6 {
@@ -241,6 +246,18 @@ impl Posture {
                 row += 1;
             }
             frame += limb.links.len();
+        }
+    }
+}
+
+/// Twists of a limb's passive joints with its frames, written over `columns`.
+#[inline(always)]
+fn passive_twists(limb: &Limb, frames: &[Se3], length: f64, columns: &mut Vec<[f64; 6]>) {
+    let tool = frames[limb.joints.len()].p;
+    columns.clear();
+    for (joint, g) in limb.joints.iter().zip(frames) {
+        if !joint.actuated {
+            columns.push(scaled(joint.motion.tool_twist(g, &tool), length));
         }
     }
 }

@@ -86,7 +86,7 @@ impl Adapter<'_> {
             Some(Outcome::Converged(Criterion::Zero))
         } else if watch.cosine <= stop.gradient {
             Some(Outcome::Converged(Criterion::Gradient))
-        } else if step <= stop.step * (norm(x) + stop.step) {
+        } else if stop.by_step(step, x) {
             Some(Outcome::Converged(Criterion::Step))
         } else if reduction.abs() <= stop.cost {
             Some(Outcome::Converged(Criterion::Cost))

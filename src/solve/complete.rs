@@ -57,7 +57,7 @@ impl Identifier for Complete {
             if !report.cost.is_finite() || report.cost > limit {
                 return report.fail(Failure::Diverged);
             }
-            if length <= stop.step * (norm(&report.x) + stop.step) {
+            if stop.by_step(length, &report.x) {
                 report.outcome = Outcome::Converged(Criterion::Step);
                 return report;
             }

@@ -1,6 +1,7 @@
 //! The strategy that turns a problem into parameters.
 
 use super::report::Report;
+use crate::linalg::norm;
 use crate::problem::{Form, Problem};
 
 /// When to stop; the same for every identifier.
@@ -14,6 +15,13 @@ pub struct Stop {
     pub gradient: f64,
     /// Relative reduction of the cost, actual and predicted (MINPACK's `ftol`).
     pub cost: f64,
+}
+
+impl Stop {
+    /// Whether a step of this length to, or from, `x` ends the iteration.
+    pub fn by_step(&self, length: f64, x: &[f64]) -> bool {
+        length <= self.step * (norm(x) + self.step)
+    }
 }
 
 impl Default for Stop {

@@ -138,7 +138,7 @@ impl LevenbergMarquardt {
         }
         let criterion = if actual.abs() <= self.stop.cost && predicted <= self.stop.cost {
             Criterion::Cost
-        } else if length <= self.stop.step * (norm(x) + self.stop.step) {
+        } else if self.stop.by_step(length, x) {
             Criterion::Step
         } else {
             return None;

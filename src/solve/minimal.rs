@@ -20,21 +20,21 @@ use crate::problem::{Compressed, EvalError, Problem};
 pub struct Minimal {
     /// Signal-to-noise ratio above which a direction is kept.
     pub threshold: f64,
-    /// Way, in tolerances, up to which split and curvature are kept.
-    near: f64,
+    /// Whether the curvature is renewed at every step, not just the long ones.
+    renewing: bool,
 }
 
 impl Default for Minimal {
     fn default() -> Self {
-        Self { threshold: 1.0, near: 0.3 }
+        Self { threshold: 1.0, renewing: false }
     }
 }
 
 impl Minimal {
-    /// The same with split and curvature renewed at every step: for problems of few coordinates, whose factorisation
-    /// costs little beside their rows.
+    /// The same with the curvature renewed at every step: for problems of few coordinates, whose factorisation costs
+    /// little beside their rows.
     pub(super) fn renewing() -> Self {
-        Self { near: 0.0, ..Self::default() }
+        Self { renewing: true, ..Self::default() }
     }
 }
 
@@ -46,6 +46,8 @@ const LARGEST_DAMPING: f64 = 1e16;
 const ROUNDING: f64 = 1e-13;
 /// Promised reduction, relative to the merit, that rounding of the residuals may hide.
 const UNJUDGED: f64 = 1e-9;
+/// Way, in tolerances, up to which split and curvature are kept.
+const NEAR: f64 = 0.3;
 /// Renewals after which only the curvature is renewed, so that the merit is one and the same from then on.
 const SPLITS: usize = 12;
 
@@ -111,13 +113,13 @@ impl Identifier for Minimal {
             };
             report.cost = cost;
             let merit = cost + current.split.penalty(&report.x);
-            let from = From { x: &report.x, gradient: &gradient, merit, negligible: stop.cost * merit };
+            let from = From { x: &report.x, gradient: &gradient, cost, merit };
             let step = loop {
                 let dx = match fresh {
                     true => current.fresh_step(damping),
                     false => current.stale_step(&report.x, &gradient, damping),
                 };
-                match self.try_step(problem, &current, &from, dx, damping == 0.0) {
+                match self.try_step(problem, &current, &from, dx, (damping == 0.0).then_some(stop)) {
                     Ok(step) => break step,
                     // A stale model is renewed before it is damped.
                     Err(_) if !fresh => break None,
@@ -138,17 +140,11 @@ impl Identifier for Minimal {
             // Steps whose promise no longer shrinks are rounding.
             let at_rounding = unjudged && step.promised > 0.25 * promised_before;
             promised_before = step.promised;
-            let criterion = if damping > 0.0 {
-                None
-            } else if cost == 0.0 {
-                Some(Criterion::Zero)
-            } else if length <= stop.step * (norm(&report.x) + stop.step) {
-                Some(Criterion::Step)
-            } else if step.promised <= stop.cost * merit || at_rounding {
-                Some(Criterion::Cost)
-            } else {
-                None
-            };
+            let criterion = step.ends.or_else(|| match damping > 0.0 {
+                true => None,
+                false if cost == 0.0 => Some(Criterion::Zero),
+                false => at_rounding.then_some(Criterion::Cost),
+            });
             if let Some(criterion) = criterion {
                 report.outcome = Outcome::Converged(criterion);
                 return report;
@@ -158,8 +154,11 @@ impl Identifier for Minimal {
             } else if ratio < 0.25 {
                 damping = (damping * 2.0).max(FIRST_DAMPING);
             }
-            if length <= self.near && (0.5..1.5).contains(&ratio) {
-                model = Some(current);
+            if length <= NEAR && (0.5..1.5).contains(&ratio) {
+                match self.renewing {
+                    true => settled = Some(current.split),
+                    false => model = Some(current),
+                }
             }
         }
         report
@@ -171,9 +170,8 @@ struct From<'a> {
     x: &'a [f64],
     /// Of the cost.
     gradient: &'a [f64],
+    cost: f64,
     merit: f64,
-    /// Promise that ends the iteration.
-    negligible: f64,
 }
 
 /// A step that was taken, and what it led to.
@@ -185,6 +183,8 @@ struct Taken {
     gradient: Vec<f64>,
     /// The linearised problem there, where it was computed.
     reached: Option<Compressed>,
+    /// Why it is the last, where it is.
+    ends: Option<Criterion>,
 }
 
 impl Minimal {
@@ -210,28 +210,34 @@ impl Minimal {
         Ok((model.ok_or("the Jacobian is not finite")?, here))
     }
 
-    /// Takes the step if the merit falls at its end, or if it promises less than rounding can show. A step that ends the
-    /// iteration by what it promises is taken unseen.
+    /// Takes the step if the merit falls at its end, or if it promises less than rounding can show. An undamped
+    /// step that ends the iteration by its length or by what it promises is taken unseen: its end costs what its start
+    /// does, to rounding.
     ///
-    /// Where a step is `undamped` and long, its end is linearised at once: the model will be renewed there.
+    /// Where an undamped step is long, its end is linearised at once: the model will be renewed there.
     fn try_step(
         &self,
         problem: &dyn Problem,
         model: &Model,
         from: &From<'_>,
         dx: Option<Vec<f64>>,
-        undamped: bool,
+        undamped: Option<&Stop>,
     ) -> Result<Option<Taken>, Failure> {
         let dx = dx.ok_or(Failure::NoDescent)?;
         let promised = model.promise(from.x, from.gradient, &dx);
         let trial: Vec<f64> = from.x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
-        if undamped && promised <= from.negligible {
-            let cost = from.merit - promised - model.split.penalty(&trial);
-            let (gained, gradient) = (promised, from.gradient.to_vec());
-            return Ok(Some(Taken { dx, promised, gained, cost, gradient, reached: None }));
+        let length = norm(&dx);
+        let ends = |stop: &Stop| match promised <= stop.cost * from.merit {
+            true => Some(Criterion::Cost),
+            false => stop.by_step(length, from.x).then_some(Criterion::Step),
+        };
+        if let Some(ends) = undamped.and_then(ends) {
+            let (cost, gradient) = (from.cost, from.gradient.to_vec());
+            let (gained, ends) = (promised, Some(ends));
+            return Ok(Some(Taken { dx, promised, gained, cost, gradient, reached: None, ends }));
         }
         let failed = |why: EvalError| Failure::Evaluation(why.0);
-        let (cost, gradient, reached) = if undamped && norm(&dx) > self.near {
+        let (cost, gradient, reached) = if undamped.is_some() && (self.renewing || length > NEAR) {
             let there = problem.compress(&trial).map_err(failed)?;
             (there.cost, linalg::mul_transpose(there.jac.as_ref(), &there.r), Some(there))
         } else {
@@ -240,7 +246,7 @@ impl Minimal {
         };
         let gained = from.merit - cost - model.split.penalty(&trial);
         if gained >= 0.0 || promised <= UNJUDGED * from.merit {
-            Ok(Some(Taken { dx, promised, gained, cost, gradient, reached }))
+            Ok(Some(Taken { dx, promised, gained, cost, gradient, reached, ends: None }))
         } else {
             Err(Failure::NoDescent)
         }

@@ -59,7 +59,7 @@ impl Identifier for Textbook {
             {
                 return report.fail(Failure::Diverged);
             }
-            if length <= stop.step * (norm(&report.x) + stop.step) {
+            if stop.by_step(length, &report.x) {
                 report.outcome = Outcome::Converged(Criterion::Step);
                 return report;
             }

@@ -113,7 +113,7 @@ impl Descent<'_> {
                     let moved: Vec<f64> = there.x.iter().zip(&point.here.x).map(|(a, b)| a - b).collect();
                     let merit = self.merit(&point, &there);
                     report.trace.push(Iterate { cost: merit, step: norm(&moved), kept: None });
-                    let tiny = norm(&moved) <= self.stop.step * (norm(&there.x) + self.stop.step);
+                    let tiny = self.stop.by_step(norm(&moved), &there.x);
                     let flat = actual.abs() <= self.stop.cost * merit
                         && step.predicted.abs() <= self.stop.cost * merit;
                     point.here = there;
