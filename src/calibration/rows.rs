@@ -202,13 +202,13 @@ fn moved([[a, b, c], [x, y, z]]: &Lanes, lever: &Vector3<f64>) -> [[f64; LANES];
     let (d, e, f) = (lever.x, lever.y, lever.z);
     let mut w = [[0.0; LANES]; 3];
     for i in 0..LANES {
-        w[0][i] = a[i] + e * z[i] - f * y[i];
+        w[0][i] = e.mul_add(z[i], (-f).mul_add(y[i], a[i]));
     }
     for i in 0..LANES {
-        w[1][i] = b[i] + f * x[i] - d * z[i];
+        w[1][i] = f.mul_add(x[i], (-d).mul_add(z[i], b[i]));
     }
     for i in 0..LANES {
-        w[2][i] = c[i] + d * y[i] - e * x[i];
+        w[2][i] = d.mul_add(y[i], (-e).mul_add(x[i], c[i]));
     }
     w
 }
@@ -218,7 +218,7 @@ fn moved([[a, b, c], [x, y, z]]: &Lanes, lever: &Vector3<f64>) -> [[f64; LANES];
 fn combine<const ADD: bool>([x, y, z]: &[[f64; LANES]; 3], [a, b, c]: [f64; 3], out: &mut [f64]) {
     let mut entries = [0.0; LANES];
     for i in 0..LANES {
-        entries[i] = x[i] * a + y[i] * b + z[i] * c;
+        entries[i] = x[i].mul_add(a, y[i].mul_add(b, z[i] * c));
     }
     match out.first_chunk_mut::<TOGETHER>() {
         // A whole pose: a fixed length is what vector instructions need.

@@ -140,7 +140,9 @@ impl LimbCoordinates {
     fn at_pivots(&self, limb: &Limb, links: &[Se3], of: impl FnOnce(Mat<f64>) -> Mat<f64>) -> Mat<f64> {
         let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());
         let at_pivots = picked(&null, &self.pivots);
-        let at_slice = of(picked(&null, &self.slice).transpose().to_owned());
+        let mut at_slice = Mat::zeros(null.ncols(), self.slice.len());
+        at_slice.copy_from(picked(&null, &self.slice).transpose());
+        let at_slice = of(at_slice);
         // Where N has more columns than pivots any inverse serves.
         match null.ncols() > self.pivots.len() {
             true => at_pivots.transpose().qr().solve_lstsq(at_slice),

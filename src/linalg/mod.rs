@@ -6,7 +6,7 @@ mod stream;
 mod triangle;
 
 pub use stream::{RowBlock, RowStream, compress};
-pub use triangle::{complement, solve_upper, solve_upper_transpose, upper_factor};
+pub use triangle::{complement, inverse_norm, solve_upper, solve_upper_transpose, upper_factor};
 
 use faer::{Mat, MatRef};
 

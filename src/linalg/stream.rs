@@ -112,11 +112,9 @@ impl RowStream {
         let n = self.columns - 1;
         let factor = self.factor();
         let k = factor.nrows().min(n);
-        Compressed {
-            r: (0..k).map(|i| factor[(i, n)]).collect(),
-            jac: factor.get(..k, ..n).to_owned(),
-            cost: 0.5 * self.square,
-        }
+        let mut jac = Mat::zeros(k, n);
+        jac.copy_from(factor.get(..k, ..n));
+        Compressed { r: (0..k).map(|i| factor[(i, n)]).collect(), jac, cost: 0.5 * self.square }
     }
 }
 

@@ -113,7 +113,7 @@ impl Identifier for Minimal {
             };
             report.cost = cost;
             let merit = cost + current.split.penalty(&report.x);
-            let from = From { x: &report.x, gradient: &gradient, cost, merit };
+            let from = From { x: &report.x, gradient: &gradient, merit };
             let step = loop {
                 let dx = match fresh {
                     true => current.fresh_step(damping),
@@ -170,7 +170,6 @@ struct From<'a> {
     x: &'a [f64],
     /// Of the cost.
     gradient: &'a [f64],
-    cost: f64,
     merit: f64,
 }
 
@@ -211,8 +210,8 @@ impl Minimal {
     }
 
     /// Takes the step if the merit falls at its end, or if it promises less than rounding can show. An undamped
-    /// step that ends the iteration by its length or by what it promises is taken unseen: its end costs what its start
-    /// does, to rounding.
+    /// step that ends the iteration by its length or by what it promises is taken unseen: its end costs what the model
+    /// says, to rounding.
     ///
     /// Where an undamped step is long, its end is linearised at once: the model will be renewed there.
     fn try_step(
@@ -232,8 +231,8 @@ impl Minimal {
             false => stop.by_step(length, from.x).then_some(Criterion::Step),
         };
         if let Some(ends) = undamped.and_then(ends) {
-            let (cost, gradient) = (from.cost, from.gradient.to_vec());
-            let (gained, ends) = (promised, Some(ends));
+            let cost = (from.merit - promised - model.split.penalty(&trial)).max(0.0);
+            let (gained, gradient, ends) = (promised, from.gradient.to_vec(), Some(ends));
             return Ok(Some(Taken { dx, promised, gained, cost, gradient, reached: None, ends }));
         }
         let failed = |why: EvalError| Failure::Evaluation(why.0);

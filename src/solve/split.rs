@@ -1,6 +1,6 @@
 //! Which directions of the coordinates are left to the data, and the steps that follow.
 
-use crate::linalg::{self, upper_factor};
+use crate::linalg::{self, inverse_norm, upper_factor};
 use crate::problem::Compressed;
 use faer::Mat;
 
@@ -175,20 +175,4 @@ fn solved(factor: &Mat<f64>, n: usize) -> Option<Vec<f64>> {
     let mut z: Vec<f64> = (0..n).map(|i| factor[(i, n)]).collect();
     linalg::solve_upper(factor, &mut z)?;
     Some(z)
-}
-
-/// Frobenius norm of the inverse of the triangle in the first n columns of `factor`, infinite where it is singular.
-fn inverse_norm(factor: &Mat<f64>, n: usize) -> f64 {
-    let mut square = 0.0;
-    let mut column = vec![0.0; n];
-    for j in 0..n {
-        // Column j of R^-1.
-        column[..=j].fill(0.0);
-        column[j] = 1.0;
-        if linalg::solve_upper(factor, &mut column[..=j]).is_none() {
-            return f64::INFINITY;
-        }
-        square += column[..=j].iter().map(|v| v * v).sum::<f64>();
-    }
-    square.sqrt()
 }
