@@ -226,10 +226,12 @@ impl Descent<'_> {
     /// nothing in tolerances.
     ///
     /// A gradient is measured against columns of the Jacobian, and a cost against the whole. Along a direction that the data
-    /// hardly see, what is nothing by these measures can still be millionths of a tolerance away.
+    /// hardly see, what is nothing by these measures can still be millionths of a tolerance away. Where only cone programs
+    /// give the steps, as with a penalty on groups, they end at the accuracy of those.
     fn refine(&self, point: &mut Point, report: &mut Report) {
         let mut last = f64::INFINITY;
-        while point.loss.smooth() && report.trace.len() < self.stop.iterations {
+        let exact = point.loss.smooth() && self.penalty.group == 0.0;
+        while exact && report.trace.len() < self.stop.iterations {
             let Ok(step) = self.model(point).step(&point.here, point.radius) else { return };
             let Ok(there) = Here::at(self.problem, &step.u, point.loss.needs_rows()) else { return };
             let (before, after) = (self.merit(point, &point.here), self.merit(point, &there));
