@@ -144,6 +144,10 @@ fn in_turn(c: &mut Criterion, name: &str, batch: usize, problem: &dyn Problem, s
             total
         });
     });
+    // A filter may have left this one out.
+    if pairs.is_empty() {
+        return;
+    }
     let middle = |each: &dyn Fn(&(f64, f64)) -> f64| {
         let mut values: Vec<f64> = pairs.iter().map(each).collect();
         values.sort_by(f64::total_cmp);

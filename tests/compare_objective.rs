@@ -182,6 +182,7 @@ fn inactive_limits_leave_the_unbounded_optimum(class: impl Fn(&str) -> bool) {
         ];
         eprintln!("{name}: {conic:.1e} tolerances apart, argmin-lm {damped:.1e}, offsets {offsets:?}");
         assert!(conic < 1e-6, "{name}: {conic:e}");
+        assert!(damped < if name == "hexapod-ballscrew" { 1e-5 } else { 1e-7 }, "{name}: {damped:e}");
         assert!(offsets.iter().all(|offset| *offset < 1e-6), "{name}: {offsets:?}");
     });
 }

@@ -49,6 +49,22 @@ fn factors_of_difficult_columns() {
     }
 }
 
+/// As rows are streamed: columns that are longer than the part in use.
+#[test]
+fn factors_of_a_part_of_the_rows() {
+    let whole = numbers(11, 50, 9);
+    let mut filled = whole.clone();
+    let r = upper_factor(filled.as_mut().subrows_mut(0, 20));
+    let part = whole.get(..20, ..).to_owned();
+    let apart = largest(&(r.transpose() * &r - part.transpose() * &part));
+    assert!(apart <= 1e-14, "{apart:e}");
+    assert_eq!(filled.get(20.., ..), whole.get(20.., ..), "the others are left alone");
+    let mut spoiled = part.clone();
+    spoiled[(7, 2)] = f64::NAN;
+    let r = upper_factor(spoiled.as_mut());
+    assert!((0..3).any(|i| !r[(i, 2)].is_finite()), "what is not a number stays so");
+}
+
 #[test]
 fn complements_are_orthonormal_and_orthogonal() {
     for (n, k) in [(1, 0), (4, 1), (42, 12), (42, 19), (7, 7), (90, 70)] {

@@ -7,7 +7,7 @@ use crate::model::{Geometry, Mechanism, Posture};
 use crate::wide::{Four, wide};
 
 /// Postures that are brought to their poses together.
-pub(super) const TOGETHER: usize = 4;
+pub(super) const ABREAST: usize = 4;
 /// Passive joint step (rad, machine sizes) below which the limb is at the pose: the residual depends on it by
 /// second order only, 1e-12.
 const AT_POSE: f64 = 1e-6;
@@ -19,9 +19,9 @@ pub(super) struct Approach<'a> {
     mechanism: &'a Mechanism,
     geometry: &'a Geometry,
     /// As placed last.
-    pub postures: [Posture; TOGETHER],
+    pub postures: [Posture; ABREAST],
     /// Way of each tool from its measured pose, `[w; dp]` in rad and m.
-    pub errors: [[f64; 6]; TOGETHER],
+    pub errors: [[f64; 6]; ABREAST],
     split: PassiveSplit<Four>,
     columns: Vec<[Four; 6]>,
 }
@@ -32,7 +32,7 @@ impl<'a> Approach<'a> {
             mechanism,
             geometry,
             postures: std::array::from_fn(|_| home.clone()),
-            errors: [[0.0; 6]; TOGETHER],
+            errors: [[0.0; 6]; ABREAST],
             split: PassiveSplit::rigid(),
             columns: vec![[Four::default(); 6]; mechanism.limbs[0].passive_count()],
         }
@@ -42,10 +42,10 @@ impl<'a> Approach<'a> {
     /// Lanes without a posture of their own go with the last; the error is the first posture that does not arrive.
     pub fn close(&mut self, starts: &[LimbStart<'_>]) -> Result<(), usize> {
         let of_lane = |lane: usize| lane.min(starts.len() - 1);
-        for lane in starts.len()..TOGETHER {
+        for lane in starts.len()..ABREAST {
             self.postures[lane] = self.postures[of_lane(lane)].clone();
         }
-        let mut arrived = [false; TOGETHER];
+        let mut arrived = [false; ABREAST];
         for _ in 0..MAX_ITERATIONS {
             let mut gaps = [Four::default(); 6];
             for (lane, posture) in self.postures.iter_mut().enumerate() {
@@ -71,12 +71,12 @@ impl<'a> Approach<'a> {
             for (lane, posture) in self.postures.iter_mut().enumerate() {
                 let length = posture.length();
                 let passive = joints.iter().zip(&mut posture.q).filter(|(joint, _)| !joint.actuated);
-                let mut longest = 0.0_f64;
+                arrived[lane] = true;
                 for ((joint, q), step) in passive.zip(&steps) {
                     *q += step.0[lane];
-                    longest = longest.max(joint.motion.size_of(step.0[lane], length));
+                    // Not for NaN either.
+                    arrived[lane] &= joint.motion.size_of(step.0[lane], length) <= AT_POSE;
                 }
-                arrived[lane] = longest <= AT_POSE;
             }
             if arrived.iter().all(|arrived| *arrived) {
                 return Ok(());

@@ -3,12 +3,12 @@
 //! With whole poses measured, a limb's own wrenches tell its errors whatever the other limbs do. What is lost is the
 //! correlation of one pose's noise between limbs.
 
-use super::approach::{Approach, TOGETHER};
+use super::approach::{ABREAST, Approach};
 use super::coordinates::{Coordinates, LimbCoordinates};
 use super::rows::RowWriter;
 use super::sample::Sample;
 use crate::lie::Se3;
-use crate::linalg::{RowBlock, RowStream};
+use crate::linalg::{RowBlock, RowStream, dot};
 use crate::measure::{Evaluation, Row, View};
 use crate::model::{Geometry, Mechanism, Posture, Turn};
 use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
@@ -114,7 +114,7 @@ impl<'a> LimbProblem<'a> {
         let mut rows = vec![Row::default(); self.wrench_count()];
         let mut reached = self.reached.lock().unwrap_or_else(PoisonError::into_inner);
         let joints = self.home.q.len().max(1);
-        for (starts, reached) in self.starts.chunks(TOGETHER).zip(reached.chunks_mut(TOGETHER * joints)) {
+        for (starts, reached) in self.starts.chunks(ABREAST).zip(reached.chunks_mut(ABREAST * joints)) {
             for (posture, reached) in approach.postures.iter_mut().zip(reached.chunks_exact(joints)) {
                 posture.set_turns(reached);
             }
@@ -173,10 +173,6 @@ impl<'a> LimbProblem<'a> {
         let geometry = self.mechanism.deviated(&d);
         (d, geometry)
     }
-}
-
-fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// `sum += factor * v`.

@@ -18,13 +18,13 @@ const FEW: usize = 3;
 
 /// Derivatives of up to six residuals by a twist, one array a component: by its rotation (rad), by its translation (m).
 /// The last two lanes are zero.
-type Lanes = [[[f64; LANES]; 3]; 2];
+type Covectors = [[[f64; LANES]; 3]; 2];
 
 /// Writes rows posture by posture; holds what it needs from one to the next.
 #[derive(Default)]
 pub struct RowWriter {
     /// By the twist of one limb's tool, six rows at a time.
-    by_limb: Vec<Lanes>,
+    by_limb: Vec<Covectors>,
     /// The same where there are but few rows.
     few: Vec<[f64; 6]>,
 }
@@ -198,7 +198,7 @@ fn write_few<const ADD: bool>(
 
 /// `w + lever x v`: the rotation part of covectors `(w, v)` at a point that lies `lever` behind theirs.
 #[inline(always)]
-fn moved([[a, b, c], [x, y, z]]: &Lanes, lever: &Vector3<f64>) -> [[f64; LANES]; 3] {
+fn moved([[a, b, c], [x, y, z]]: &Covectors, lever: &Vector3<f64>) -> [[f64; LANES]; 3] {
     let (d, e, f) = (lever.x, lever.y, lever.z);
     let mut w = [[0.0; LANES]; 3];
     for i in 0..LANES {

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 /// What cargo builds this crate with, in a checkout and by `cargo install --locked`.
 const LOCK: &str = include_str!("../../Cargo.lock");
 
-/// The crates on whose version a result may depend.
+/// The crates that solve.
 const NUMERICAL: [&str; 4] = ["argmin", "clarabel", "faer", "nalgebra"];
 
 /// Version by name of argmin, clarabel, faer and nalgebra, as this crate's Cargo.lock has them. A build that resolves

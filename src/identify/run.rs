@@ -12,7 +12,7 @@ use crate::calibration::{Calibration, Coordinates, Postures, Sample, SetAside};
 use crate::measure::Weights;
 use crate::model::{Geometry, Mechanism, Posture, Prior};
 use crate::problem::{Form, Problem};
-use crate::solve::{Estimate, Identifier, Iterate, Report, Stop};
+use crate::solve::{Estimate, Failure, Identifier, Iterate, Outcome, Report, Stop};
 
 /// Ratio of the extreme singular values of the wrench matrix below which a posture is reported.
 const NEAR_SINGULAR: f64 = 1e-2;
@@ -158,6 +158,11 @@ pub fn identify_from(
         if same || exhausted || round == ROUNDS || problem.sample_count() == 0 {
             break;
         }
+    }
+    if problem.sample_count() == 0 && report.outcome.converged() {
+        let why =
+            problem.set_aside().first().map_or_else(String::new, |s| format!("{}: {}", s.name, s.reason));
+        report.outcome = Outcome::Failed(Failure::Evaluation(why));
     }
     let geometry = start.deviated(&at);
     let visibility_at = |at: &[f64]| visibility(&start, samples, at).ok();

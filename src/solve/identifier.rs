@@ -11,7 +11,8 @@ pub struct Stop {
     pub iterations: usize,
     /// Relative step `|dx| <= step (|x| + step)`.
     pub step: f64,
-    /// Largest cosine between the residual and a column of the Jacobian (MINPACK's `gtol`).
+    /// Largest cosine between the residual and a column of the Jacobian (MINPACK's `gtol`). Where weak directions have a
+    /// prior, which columns do not show, `argmin-lm` asks for a thousandth of it.
     pub gradient: f64,
     /// Relative reduction of the cost, actual and predicted (MINPACK's `ftol`).
     pub cost: f64,

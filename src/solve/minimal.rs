@@ -46,6 +46,8 @@ const LARGEST_DAMPING: f64 = 1e16;
 const ROUNDING: f64 = 1e-13;
 /// Promised reduction, relative to the merit, that rounding of the residuals may hide.
 const UNJUDGED: f64 = 1e-9;
+/// Promised reduction, relative to the merit, that is too little to look for at the end of a short step.
+const UNSEEN: f64 = 1e-12;
 /// Way, in tolerances, up to which split and curvature are kept.
 const NEAR: f64 = 0.3;
 /// Renewals after which only the curvature is renewed, so that the merit is one and the same from then on.
@@ -113,13 +115,13 @@ impl Identifier for Minimal {
             };
             report.cost = cost;
             let merit = cost + current.split.penalty(&report.x);
-            let from = From { x: &report.x, gradient: &gradient, merit };
+            let origin = Origin { x: &report.x, gradient: &gradient, merit };
             let step = loop {
                 let dx = match fresh {
                     true => current.fresh_step(damping),
                     false => current.stale_step(&report.x, &gradient, damping),
                 };
-                match self.try_step(problem, &current, &from, dx, (damping == 0.0).then_some(stop)) {
+                match self.try_step(problem, &current, &origin, dx, (damping == 0.0).then_some(stop)) {
                     Ok(step) => break step,
                     // A stale model is renewed before it is damped.
                     Err(_) if !fresh => break None,
@@ -166,7 +168,7 @@ impl Identifier for Minimal {
 }
 
 /// Where a step starts.
-struct From<'a> {
+struct Origin<'a> {
     x: &'a [f64],
     /// Of the cost.
     gradient: &'a [f64],
@@ -210,7 +212,7 @@ impl Minimal {
     }
 
     /// Takes the step if the merit falls at its end, or if it promises less than rounding can show. An undamped
-    /// step that ends the iteration by its length or by what it promises is taken unseen: its end costs what the model
+    /// step that ends the iteration is taken unseen where no cost could show what it does: its end costs what the model
     /// says, to rounding.
     ///
     /// Where an undamped step is long, its end is linearised at once: the model will be renewed there.
@@ -218,21 +220,23 @@ impl Minimal {
         &self,
         problem: &dyn Problem,
         model: &Model,
-        from: &From<'_>,
+        origin: &Origin<'_>,
         dx: Option<Vec<f64>>,
         undamped: Option<&Stop>,
     ) -> Result<Option<Taken>, Failure> {
         let dx = dx.ok_or(Failure::NoDescent)?;
-        let promised = model.promise(from.x, from.gradient, &dx);
-        let trial: Vec<f64> = from.x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
+        let promised = model.promise(origin.x, origin.gradient, &dx);
+        let trial: Vec<f64> = origin.x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
         let length = norm(&dx);
-        let ends = |stop: &Stop| match promised <= stop.cost * from.merit {
-            true => Some(Criterion::Cost),
-            false => stop.by_step(length, from.x).then_some(Criterion::Step),
+        let negligible = |part: f64| (0.0..=part * origin.merit).contains(&promised);
+        let short = undamped.is_some_and(|stop| stop.by_step(length, origin.x));
+        let ends = match undamped {
+            Some(stop) if negligible(stop.cost) => Some(Criterion::Cost),
+            _ => short.then_some(Criterion::Step),
         };
-        if let Some(ends) = undamped.and_then(ends) {
-            let cost = (from.merit - promised - model.split.penalty(&trial)).max(0.0);
-            let (gained, gradient, ends) = (promised, from.gradient.to_vec(), Some(ends));
+        if short || (ends.is_some() && length <= NEAR && negligible(UNSEEN)) {
+            let cost = (origin.merit - promised - model.split.penalty(&trial)).max(0.0);
+            let (gained, gradient) = (promised, origin.gradient.to_vec());
             return Ok(Some(Taken { dx, promised, gained, cost, gradient, reached: None, ends }));
         }
         let failed = |why: EvalError| Failure::Evaluation(why.0);
@@ -243,9 +247,9 @@ impl Minimal {
             let (cost, gradient) = problem.gradient(&trial).map_err(failed)?;
             (cost, gradient, None)
         };
-        let gained = from.merit - cost - model.split.penalty(&trial);
-        if gained >= 0.0 || promised <= UNJUDGED * from.merit {
-            Ok(Some(Taken { dx, promised, gained, cost, gradient, reached, ends: None }))
+        let gained = origin.merit - cost - model.split.penalty(&trial);
+        if gained >= 0.0 || promised <= UNJUDGED * origin.merit {
+            Ok(Some(Taken { dx, promised, gained, cost, gradient, reached, ends }))
         } else {
             Err(Failure::NoDescent)
         }

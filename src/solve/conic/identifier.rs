@@ -207,8 +207,10 @@ impl Identifier for Conic {
             return report.fail(Failure::Unsuited(format!("there is no loss '{}'", self.options.loss)));
         };
         if self.options.regulariser == Regulariser::None {
-            let report = Report { estimate: self.estimate(problem, &limits, 1.0), ..report };
-            return unpenalised(problem, loss.as_ref(), &limits, stop, report);
+            let estimate = |limits: &Limits| self.estimate(problem, limits, 1.0);
+            let free = estimate(&Limits::unlimited(problem.params().len()));
+            let report = Report { estimate: estimate(&limits), ..report };
+            return unpenalised(problem, loss.as_ref(), &limits, stop, report, free);
         }
         let mut descent = Descent {
             problem,
@@ -229,22 +231,27 @@ impl Identifier for Conic {
     }
 }
 
-/// The optimum without a penalty: that without limits where it keeps them, for limits that change nothing have no say.
+/// The optimum without a penalty: that without limits, an estimate of its own (`free`), where it keeps them, for limits
+/// that change nothing have no say; else it is where the search within them starts.
 fn unpenalised(
     problem: &dyn Problem,
     loss: &dyn Loss,
     limits: &Limits,
     stop: &Stop,
-    report: Report,
+    mut report: Report,
+    free: Estimate,
 ) -> Report {
     if limits.none() {
         return unlimited(problem, loss, stop, report);
     }
     // Linear programs are too dear to be solved for nothing.
     if loss.smooth() {
-        let free = unlimited(problem, loss, stop, report.clone());
-        if free.outcome.converged() && limits.violation(&free.x, problem.groups()) == 0.0 {
-            return free;
+        let free = unlimited(problem, loss, stop, Report { estimate: free, ..report.clone() });
+        if free.outcome.converged() {
+            if limits.violation(&free.x, problem.groups()) == 0.0 {
+                return free;
+            }
+            report.x = free.x;
         }
     }
     settled(problem, loss, limits, stop, report)

@@ -242,8 +242,8 @@ impl Model<'_> {
 /// The point that a solution stands for, where its status and values allow to use it at all.
 ///
 /// Less than `Solved` is tolerated, because every step is judged by the true merit afterwards. Infeasible cannot
-/// be right: the point itself is within the limits, and penalties are posed so that it satisfies their rows too. `MaxTime` and `CallbackTerminated` cannot come: there is no
-/// time limit and no callback.
+/// be right: the point itself is within the limits, and penalties are posed so that it satisfies their rows too.
+/// `MaxTime` and `CallbackTerminated` cannot come: there is no time limit and no callback.
 pub fn usable(solution: &Solution, frame: &Frame) -> Option<Vec<f64>> {
     match solution.status {
         SolverStatus::Solved
