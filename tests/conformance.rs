@@ -226,3 +226,17 @@ fn names_are_unique_and_summaries_are_there() {
     let unknown = registry::find("levenberg").err().expect("unknown").to_string();
     assert!(names.iter().all(|name| unknown.contains(name)), "{unknown}");
 }
+
+/// A fit that is exact but for rounding: the gradient of what is left says nothing.
+#[test]
+fn an_exact_fit_of_weak_directions_is_a_solution() {
+    let residual: Residual = Box::new(|x: &[Dual]| {
+        let noise = 1e-11 * (1e12 * x[0].v).sin();
+        Ok(vec![(x[0] + x[1] * 0.3).sin() * 50.0 - 20.0 + noise, (x[1] - x[2] * 1e-3) * 20.0 - 7.0 - noise])
+    });
+    each(&Formula::new(3, residual).with_prior(), &[0.0; 3], |identifier, report| {
+        if matches!(identifier.name(), "minimal" | "map" | "argmin-lm" | "conic-bounded") {
+            assert!(report.outcome.converged(), "{}: {}", report.identifier, report.outcome);
+        }
+    });
+}

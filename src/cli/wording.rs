@@ -57,7 +57,8 @@ pub fn not_identified(why: &IdentifyError, units: Units) -> String {
     match why {
         IdentifyError::NoneCloses(first) => {
             format!(
-                "no posture closes with the nominal machine; {}: {}",
+                "no posture closes with the nominal machine (gough check looks for mistakes of units, signs and order); \
+                 {}: {}",
                 first.name,
                 reason(&first.reason, units)
             )

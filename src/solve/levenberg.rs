@@ -23,6 +23,10 @@ const FLAT: f64 = 1e-6;
 const NOTHING_LEFT: f64 = 1e-14;
 /// Trial steps from one point before giving up: damping has grown beyond every scale by then.
 const TRIALS: usize = 60;
+/// Cost, as a part of that at the start, that is rounding: residuals of 1e-12.
+const ROUNDING: f64 = 1e-24;
+/// Cost that is nothing where residuals are in standard deviations: 1e-9 of one.
+const NOTHING: f64 = 1e-18;
 /// Cosine between residual and Jacobian above which a point is certainly not stationary.
 const NOT_STATIONARY: f64 = 1e-4;
 
@@ -36,6 +40,8 @@ pub struct LevenbergMarquardt {
     stop: Stop,
     region: Region,
     trace: Vec<Iterate>,
+    /// Cost that is rounding.
+    nothing: f64,
     #[serde(skip)]
     outcome: Option<Outcome>,
     #[serde(skip)]
@@ -51,7 +57,7 @@ enum Trial {
 impl LevenbergMarquardt {
     /// A solver at its first damping.
     pub fn new(stop: Stop) -> Self {
-        Self { stop, region: Region::default(), trace: Vec::new(), outcome: None, here: None }
+        Self { stop, region: Region::default(), trace: Vec::new(), nothing: 0.0, outcome: None, here: None }
     }
 
     /// Accepted iterations so far.
@@ -120,9 +126,10 @@ impl LevenbergMarquardt {
         })
     }
 
-    /// Whether this may be a solution: a short step or a flat cost alone may also come of a short radius.
+    /// Whether this may be a solution: a short step or a flat cost alone may also come of a short radius. A residual that
+    /// is rounding has a gradient that says nothing.
     fn plausible(&self, x: &[f64], here: &Compressed) -> bool {
-        gradient_cosine(here) <= NOT_STATIONARY || self.region.arrived(x, here)
+        gradient_cosine(here) <= NOT_STATIONARY || self.region.arrived(x, here) || here.cost <= self.nothing
     }
 
     fn judge(
@@ -173,6 +180,7 @@ impl<'p> Solver<&'p dyn Problem, LevenbergState> for LevenbergMarquardt {
         match start {
             Ok(here) => {
                 self.outcome = self.stationary(&here);
+                self.nothing = if tolerances { NOTHING } else { ROUNDING * here.cost };
                 self.region.see(&here);
                 state = state.cost(here.cost);
                 self.here = Some(here);

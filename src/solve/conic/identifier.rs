@@ -232,13 +232,14 @@ impl Identifier for Conic {
 }
 
 /// The optimum without a penalty: that without limits, an estimate of its own (`free`), where it keeps them, for limits
-/// that change nothing have no say; else it is where the search within them starts.
+/// that change nothing have no say. Where it does not, the search within them starts anew: the optimum without limits of
+/// a strongly curved problem may be far from any within.
 fn unpenalised(
     problem: &dyn Problem,
     loss: &dyn Loss,
     limits: &Limits,
     stop: &Stop,
-    mut report: Report,
+    report: Report,
     free: Estimate,
 ) -> Report {
     if limits.none() {
@@ -247,11 +248,8 @@ fn unpenalised(
     // Linear programs are too dear to be solved for nothing.
     if loss.smooth() {
         let free = unlimited(problem, loss, stop, Report { estimate: free, ..report.clone() });
-        if free.outcome.converged() {
-            if limits.violation(&free.x, problem.groups()) == 0.0 {
-                return free;
-            }
-            report.x = free.x;
+        if free.outcome.converged() && limits.violation(&free.x, problem.groups()) == 0.0 {
+            return free;
         }
     }
     settled(problem, loss, limits, stop, report)

@@ -57,6 +57,10 @@ impl Default for Options {
     }
 }
 
+/// Threshold of Huber's loss below which nearly every residual is beyond it: programs of absolute values in all but name,
+/// whose steps lead anywhere.
+const LEAST_DELTA: f64 = 1e-2;
+
 const KEYS: &[&str] = &["loss", "delta", "regulariser", "weight", "bounds", "cone"];
 
 impl Options {
@@ -69,7 +73,13 @@ impl Options {
             "loss" => {
                 self.loss = LOSSES.iter().find(|name| **name == value).ok_or_else(|| one_of(LOSSES))?;
             }
-            "delta" => self.delta = settings::positive(solver, key, value)?,
+            "delta" => {
+                self.delta = settings::positive(solver, key, value)?;
+                if self.delta < LEAST_DELTA {
+                    let why = format!("it must be at least {LEAST_DELTA} standard deviations");
+                    return Err(settings::refuse(solver, key, value, &why));
+                }
+            }
             "regulariser" => {
                 let names: Vec<&str> = REGULARISERS.iter().map(|(name, _)| *name).collect();
                 let found = REGULARISERS.iter().find(|(name, _)| *name == value);

@@ -55,6 +55,9 @@ impl NoStep {
             SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
                 Self(format!("numerical failure ({status:?}, although the point itself is feasible)"))
             }
+            SolverStatus::DualInfeasible | SolverStatus::AlmostDualInfeasible => {
+                Self(format!("numerical failure ({status:?}, although the objective is bounded below)"))
+            }
             _ => Self(format!("{status:?}")),
         }
     }
