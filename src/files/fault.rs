@@ -43,10 +43,6 @@ pub enum Fault {
     NegativeBound(f64),
     #[error("bounds on a link that is held (tolerance 0): remove them, or give it a tolerance")]
     BoundsOnHeld,
-    #[error(
-        "bounds on a link that stands free: they would count from the drawing; remove them, or give it a tolerance"
-    )]
-    BoundsOnFree,
 
     #[error("there is no limb; draw at least one")]
     NoLimb,

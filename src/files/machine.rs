@@ -22,9 +22,6 @@ pub struct Drawn {
     pub without_tolerance: Option<Location>,
 }
 
-/// No word of where a link is.
-const FREE: Tolerance = Tolerance { angle: Prior::Free, length: Prior::Free };
-
 /// What is stated of links at a level of the drawing: the nearest statement counts.
 #[derive(Clone, Copy, Debug, Default)]
 struct Stated {
@@ -47,15 +44,13 @@ impl Stated {
         })
     }
 
-    /// Refuses bounds stated at `at` for links that are held or free there or, where nothing is stated, by `general`.
-    fn check_bounds(self, general: Self, prefix: &str, at: &Place<'_>) -> Result<Self, FileError> {
-        let tolerance = self.tolerance.or(general.tolerance).filter(|_| self.bounds.is_some());
-        let fault = match tolerance {
-            Some(Tolerance { angle: Prior::Held, length: Prior::Held }) => Fault::BoundsOnHeld,
-            Some(FREE) => Fault::BoundsOnFree,
-            _ => return Ok(self),
-        };
-        Err(at.key(&format!("{prefix}bounds")).error(fault))
+    /// Refuses bounds stated at `at` for links that are held there or, where nothing is stated, by `general`.
+    fn check_held(self, general: Self, prefix: &str, at: &Place<'_>) -> Result<Self, FileError> {
+        let held = |t: Tolerance| t.angle == Prior::Held && t.length == Prior::Held;
+        if self.bounds.is_some() && self.tolerance.or(general.tolerance).is_some_and(held) {
+            return Err(at.key(&format!("{prefix}bounds")).error(Fault::BoundsOnHeld));
+        }
+        Ok(self)
     }
 
     fn or(self, general: Self) -> Self {
@@ -123,7 +118,7 @@ impl LimbDrawing {
         let links =
             Stated::read(self.tolerance.as_ref(), self.bounds.as_ref(), "", units, at)?.or(general.links);
         let last = Stated::read(self.tool_tolerance.as_ref(), self.tool_bounds.as_ref(), "tool_", units, at)?
-            .check_bounds(general.last.or(links), "tool_", at)?
+            .check_held(general.last.or(links), "tool_", at)?
             .or(general.last)
             .or(links);
         let list = at.key("joints");
@@ -158,7 +153,7 @@ impl JointDrawing {
         let first = Stated::read(self.tolerance.as_ref(), self.bounds.as_ref(), "", units, at)?;
         let inner =
             Stated::read(self.inner_tolerance.as_ref(), self.inner_bounds.as_ref(), "inner_", units, at)?;
-        Ok((first.check_bounds(general, "", at)?, inner.check_bounds(general, "inner_", at)?))
+        Ok((first.check_held(general, "", at)?, inner.check_held(general, "inner_", at)?))
     }
 }
 
@@ -181,8 +176,7 @@ impl Chain<'_> {
             name,
             nominal: self.at.inverse() * *to,
             tolerance: stated.tolerance.unwrap_or(held),
-            // Bounds count from the drawing, which does not say where a free link is.
-            bounds: stated.bounds.filter(|_| stated.tolerance != Some(FREE)),
+            bounds: stated.bounds,
         });
         self.at = *to;
     }
