@@ -1,12 +1,31 @@
 //! Vector instructions of the processor at hand.
 
 use std::ops::{Add, Mul, Sub};
+use std::sync::LazyLock;
 
 /// Runs `work` compiled for the widest vector instructions that this processor has and that stay exact: no result
 /// depends on which they are. Only what is inlined into `work` gains.
 #[inline(always)]
 pub fn wide<T>(work: impl FnOnce() -> T) -> T {
-    pulp::Arch::new().dispatch(work)
+    let done = ARCH.dispatch(work);
+    narrow();
+    done
+}
+
+/// Which vector instructions there are, asked for once.
+static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
+
+/// Empties the wide halves of the vector registers, in one instruction.
+///
+/// Kernels of faer leave them filled, and on many processors code for narrow registers, which is all that is not in
+/// [`wide`], then waits for halves that it does not use: up to six times as long (measured), until they are emptied.
+/// To be called before such code runs for long.
+#[inline(always)]
+pub fn narrow() {
+    #[cfg(target_arch = "x86_64")]
+    if let pulp::Arch::V3(v3) = *ARCH {
+        v3.avx._mm256_zeroupper();
+    }
 }
 
 /// A number, or some side by side with which vector instructions do the same.

@@ -106,9 +106,10 @@ fn of_random_machines_with_partial_measurements() {
             // One form a machine, but complete, of which the others are products, always.
             let others = [Form::Minimal, Form::Plain];
             for form in [Form::Complete, others[round % 2]] {
-                // Some of these bend faster than machines that are built.
+                // Some of these bend faster than machines that are built. Closures are good to 1e-13: below this step
+                // their rounding shows, above it the bend.
                 let what = format!("{pattern:?} {round}");
-                let found = assert_jacobian(&mechanism, &samples, form, 0.02, &what);
+                let found = assert_jacobian(&mechanism, &samples, form, 0.03, &what);
                 worst = (worst.0.max(found.0), worst.1.max(found.1));
             }
         }

@@ -70,7 +70,7 @@ fn rotation_vectors(seed: u64, largest: f64) -> Vec<Vector3<f64>> {
         angles.extend([1.0, 3.0, 7.0].map(|m| m * 10.0_f64.powi(exponent)));
     }
     // The switches between series and closed form, and the trace's sign in the logarithm at 90 and 120 degrees.
-    for switch in [1e-4, 2e-4, 0.7, consts::FRAC_PI_2, 2.0, 2.0 * consts::FRAC_PI_3, 2.5] {
+    for switch in [1e-4, 0.04, 0.7, consts::FRAC_PI_2, 2.0, 2.0 * consts::FRAC_PI_3, 2.5] {
         angles.extend([-1e-9, -1e-15, 0.0, 1e-15, 1e-9].map(|d| switch * (1.0 + d)));
     }
     for half_turn in 1..=8 {

@@ -11,6 +11,9 @@ use faer::Mat;
 /// Where a link is held in part, parallel or square axes may hide at nominal that its other components matter: only
 /// what stays redundant once they deviate is taken, continued to the nominal machine.
 pub(super) fn redundancy(limb: &Limb, links: &[Se3], sigma: &[f64]) -> Mat<f64> {
+    if sigma.iter().all(|sigma| *sigma > 0.0) {
+        return null_matrix(limb, links);
+    }
     let (generic, _) = null_coefficients(limb, &apart(links, sigma), sigma, 0);
     let (here, all) = null_coefficients(limb, links, sigma, generic.ncols());
     match here.ncols() > generic.ncols() {
@@ -69,31 +72,27 @@ fn apart(links: &[Se3], sigma: &[f64]) -> Vec<Se3> {
 /// Rows that complete pivoting picks for the k columns of `a`.
 pub(super) fn pivot_rows(a: &Mat<f64>) -> Vec<usize> {
     let mut columns: Vec<Vec<f64>> = a.col_iter().map(|column| column.iter().copied().collect()).collect();
+    let mut largest: Vec<f64> = columns.iter().map(|column| largest_entry(column)).collect();
     let mut rows: Vec<usize> = Vec::with_capacity(columns.len());
-    while !columns.is_empty() {
-        let mut best = (0, 0, 0.0);
-        for (at, column) in columns.iter().enumerate() {
-            for (i, entry) in column.iter().enumerate() {
-                // Strictly larger by more than rounding, so that equal candidates keep their order.
-                if entry.abs() > best.2 * (1.0 + 1e-6) {
-                    best = (i, at, entry.abs());
-                }
-            }
-        }
-        let (row, at, size) = best;
-        if size == 0.0 {
-            break;
-        }
+    loop {
+        // The first of those that are equal to rounding.
+        let enough = (1.0 - 1e-6) * largest_entry(&largest);
+        let Some(at) = largest.iter().position(|v| *v >= enough && *v > 0.0) else { return rows };
+        let Some(row) = columns[at].iter().position(|v| v.abs() >= enough) else { return rows };
         let pivot = columns.remove(at);
+        largest.remove(at);
         rows.push(row);
-        for column in &mut columns {
-            let factor = column[row] / pivot[row];
-            for (entry, by) in column.iter_mut().zip(&pivot) {
-                *entry -= factor * by;
+        for (column, largest) in columns.iter_mut().zip(&mut largest) {
+            if column[row] != 0.0 {
+                linalg::subtract(column[row] / pivot[row], &pivot, column);
+                // Exactly: a row is picked once.
+                column[row] = 0.0;
+                *largest = largest_entry(column);
             }
-            // Exactly: a row is picked once.
-            column[row] = 0.0;
         }
     }
-    rows
+}
+
+fn largest_entry(a: &[f64]) -> f64 {
+    a.iter().fold(0.0, |most, v| if v.abs() > most { v.abs() } else { most })
 }

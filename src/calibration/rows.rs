@@ -2,12 +2,13 @@
 
 use super::coordinates::{Coordinates, LimbCoordinates};
 use super::sample::Postures;
-use crate::lie::Se3;
+use crate::lie::Columns;
 use crate::linalg::RowBlock;
 use crate::measure::{Evaluation, Row};
 use crate::model::{Mechanism, Posture};
 use crate::wide::wide;
 use nalgebra::Vector3;
+use std::array::from_fn;
 
 /// Rows handled together: those of a whole pose.
 const TOGETHER: usize = 6;
@@ -17,7 +18,7 @@ const LANES: usize = 8;
 const FEW: usize = 3;
 
 /// Derivatives of up to six residuals by a twist, one array a component: by its rotation (rad), by its translation (m).
-/// The last two lanes are zero.
+/// The last two lanes mean nothing.
 type Covectors = [[[f64; LANES]; 3]; 2];
 
 /// Writes rows posture by posture; holds what it needs from one to the next.
@@ -73,16 +74,13 @@ impl RowWriter {
         out: &mut RowBlock<'_>,
     ) {
         let tool = posture.tool().p;
-        let open = mechanism.is_open_chain();
+        let open = posture.is_open_chain();
         let (mut frame, mut wrench) = (0, 0);
         for (i, ((limb, drawn), split)) in
             coordinates.limbs.iter().zip(&mechanism.limbs).zip(&posture.splits).enumerate()
         {
             let by_limb = |k: usize| {
-                let mut row = match open {
-                    true => *by_tool(k),
-                    false => through_wrenches(posture, by_tool(k), wrench, split.wrenches()),
-                };
+                let mut row = through_wrenches(posture, by_tool(k), wrench, split.wrenches());
                 if !ADD {
                     for own in sample.by_limb.iter().filter(|own| own.limb == i && own.row == k) {
                         row.iter_mut().zip(own.by_twist).for_each(|(sum, v)| *sum += v);
@@ -91,7 +89,11 @@ impl RowWriter {
                 row
             };
             let frames = &posture.frames[frame..frame + drawn.links.len()];
-            self.write_rows::<ADD>(limb, frames, &tool, sample.rows.len(), by_limb, out);
+            match open {
+                // Its own twist is the tool's; without passive joints nothing else is read.
+                true => self.write_rows::<ADD>(limb, frames, &tool, sample.rows.len(), |k| *by_tool(k), out),
+                false => self.write_rows::<ADD>(limb, frames, &tool, sample.rows.len(), by_limb, out),
+            }
             frame += drawn.links.len();
             wrench += split.wrenches().len();
         }
@@ -102,7 +104,7 @@ impl RowWriter {
     pub fn write_alone(
         &mut self,
         limb: &LimbCoordinates,
-        frames: &[Se3],
+        frames: &[Columns],
         tool: &Vector3<f64>,
         rows: &[Row],
         mut out: RowBlock<'_>,
@@ -117,7 +119,7 @@ impl RowWriter {
     fn write_rows<const ADD: bool>(
         &mut self,
         limb: &LimbCoordinates,
-        frames: &[Se3],
+        frames: &[Columns],
         tool: &Vector3<f64>,
         rows: usize,
         by_limb: impl Fn(usize) -> [f64; 6],
@@ -128,15 +130,14 @@ impl RowWriter {
             self.few.extend((0..rows).map(by_limb));
             return write_few::<ADD>(limb, frames, tool, &self.few, out);
         }
-        self.by_limb.clear();
-        for first in (0..rows).step_by(TOGETHER) {
-            let mut lanes = [[[0.0; LANES]; 3]; 2];
-            for k in 0..TOGETHER.min(rows - first) {
-                for (lane, value) in lanes.as_flattened_mut().iter_mut().zip(by_limb(first + k)) {
-                    lane[k] = value;
+        self.by_limb.resize(rows.div_ceil(TOGETHER), Covectors::default());
+        for (group, lanes) in self.by_limb.iter_mut().enumerate() {
+            let first = group * TOGETHER;
+            for row in first..rows.min(first + TOGETHER) {
+                for (lane, value) in lanes.as_flattened_mut().iter_mut().zip(by_limb(row)) {
+                    lane[row - first] = value;
                 }
             }
-            self.by_limb.push(lanes);
         }
         self.write_limb::<ADD>(limb, frames, tool, out);
     }
@@ -144,25 +145,26 @@ impl RowWriter {
     fn write_limb<const ADD: bool>(
         &self,
         limb: &LimbCoordinates,
-        frames: &[Se3],
+        frames: &[Columns],
         tool: &Vector3<f64>,
         out: &mut RowBlock<'_>,
     ) {
         wide(
             #[inline(always)]
             || {
+                let mut out = out.again();
                 for (group, by_tool) in self.by_limb.iter().enumerate() {
-                    let mut columns = out.columns(limb.slice_offset);
-                    for (g, in_slice) in frames.iter().zip(&limb.in_slice) {
-                        let by_rotation = moved(by_tool, &(tool - g.p));
-                        for (block, in_slice) in [&by_rotation, &by_tool[1]].into_iter().zip(in_slice) {
-                            for (i, chosen) in in_slice.iter().enumerate() {
-                                if *chosen && let Some(column) = columns.next() {
-                                    let axis = [g.r[(0, i)], g.r[(1, i)], g.r[(2, i)]];
-                                    combine::<ADD>(block, axis, &mut column[group * TOGETHER..]);
-                                }
-                            }
-                        }
+                    let mut at = limb.slice_offset;
+                    for (g, [turns, shifts]) in frames.iter().zip(&limb.in_slice) {
+                        let by_rotation = moved(by_tool, &(tool - g.p()));
+                        let [x, y, z, _] = &g.0;
+                        // Not in a loop, which would cost more than what it repeats.
+                        put::<ADD>(turns[0], &by_rotation, x, &mut at, group, &mut out);
+                        put::<ADD>(turns[1], &by_rotation, y, &mut at, group, &mut out);
+                        put::<ADD>(turns[2], &by_rotation, z, &mut at, group, &mut out);
+                        put::<ADD>(shifts[0], &by_tool[1], x, &mut at, group, &mut out);
+                        put::<ADD>(shifts[1], &by_tool[1], y, &mut at, group, &mut out);
+                        put::<ADD>(shifts[2], &by_tool[1], z, &mut at, group, &mut out);
                     }
                 }
             },
@@ -173,7 +175,7 @@ impl RowWriter {
 /// What [`RowWriter::write_limb`] does, row by row.
 fn write_few<const ADD: bool>(
     limb: &LimbCoordinates,
-    frames: &[Se3],
+    frames: &[Columns],
     tool: &Vector3<f64>,
     rows: &[[f64; 6]],
     out: &mut RowBlock<'_>,
@@ -183,11 +185,11 @@ fn write_few<const ADD: bool>(
         let shift = Vector3::from_column_slice(&by_tool[3..]);
         let mut columns = out.columns(limb.slice_offset);
         for (g, in_slice) in frames.iter().zip(&limb.in_slice) {
-            let by_rotation = turn + (tool - g.p).cross(&shift);
+            let by_rotation = turn + (tool - g.p()).cross(&shift);
             for (by, in_slice) in [by_rotation, shift].iter().zip(in_slice) {
-                for (i, chosen) in in_slice.iter().enumerate() {
+                for ([x, y, z, _], chosen) in g.0.iter().zip(in_slice) {
                     if *chosen && let Some(column) = columns.next() {
-                        let entry = by.dot(&g.r.column(i));
+                        let entry = by.x * x + by.y * y + by.z * z;
                         column[row] = if ADD { column[row] + entry } else { entry };
                     }
                 }
@@ -213,22 +215,40 @@ fn moved([[a, b, c], [x, y, z]]: &Covectors, lever: &Vector3<f64>) -> [[f64; LAN
     w
 }
 
-/// `axis . block` of each lane, written over as many entries as `out` has or added to them.
+/// Writes `axis . block` of a group of rows over the column `at`, or adds it, and goes on to the next; nothing where the
+/// component is not `chosen`.
 #[inline(always)]
-fn combine<const ADD: bool>([x, y, z]: &[[f64; LANES]; 3], [a, b, c]: [f64; 3], out: &mut [f64]) {
-    let mut entries = [0.0; LANES];
-    for i in 0..LANES {
-        entries[i] = x[i].mul_add(a, y[i].mul_add(b, z[i] * c));
-    }
-    match out.first_chunk_mut::<TOGETHER>() {
-        // A whole pose: a fixed length is what vector instructions need.
-        // In the two parts in which it was computed: what is read across them would wait for both.
-        Some(whole) if !ADD => {
-            whole[..4].copy_from_slice(&entries[..4]);
-            whole[4..].copy_from_slice(&entries[4..TOGETHER]);
+fn put<const ADD: bool>(
+    chosen: bool,
+    block: &[[f64; LANES]; 3],
+    axis: &[f64; 4],
+    at: &mut usize,
+    group: usize,
+    out: &mut RowBlock<'_>,
+) {
+    if chosen {
+        match out.chunk::<TOGETHER>(*at, group * TOGETHER) {
+            Some(whole) if !ADD => *whole = combined(block, axis),
+            _ => combine::<ADD>(block, axis, &mut out.column(*at)[group * TOGETHER..]),
         }
-        _ if ADD => out.iter_mut().zip(&entries[..TOGETHER]).for_each(|(out, entry)| *out += entry),
-        _ => out.iter_mut().zip(&entries[..TOGETHER]).for_each(|(out, entry)| *out = *entry),
+        *at += 1;
+    }
+}
+
+/// `axis . block` of the lanes of a whole pose.
+#[inline(always)]
+fn combined([x, y, z]: &[[f64; LANES]; 3], [a, b, c, _]: &[f64; 4]) -> [f64; TOGETHER] {
+    let entry = |i: usize| x[i].mul_add(*a, y[i].mul_add(*b, z[i] * c));
+    // In the two parts in which vector instructions compute it.
+    let ([p, q, r, s], [t, u]): ([f64; 4], [f64; 2]) = (from_fn(entry), from_fn(|i| entry(4 + i)));
+    [p, q, r, s, t, u]
+}
+
+/// Writes as many of them over `out` as it has entries, or adds them. Not inlined: it would slow the other case.
+#[inline(never)]
+fn combine<const ADD: bool>(block: &[[f64; LANES]; 3], axis: &[f64; 4], out: &mut [f64]) {
+    for (out, entry) in out.iter_mut().zip(combined(block, axis)) {
+        *out = if ADD { *out + entry } else { entry };
     }
 }
 

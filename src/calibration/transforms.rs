@@ -7,8 +7,8 @@ use crate::lie::se3::{self, Twist};
 use crate::linalg;
 use crate::model::{Geometry, Limb, Mechanism};
 use crate::problem::Form;
+use crate::wide::wide;
 use faer::Mat;
-use faer::linalg::solvers::{Solve, SolveLstsq};
 
 impl Coordinates {
     /// Per limb, the matrix (slice x count) that takes `dx` to slice twists, at deviations `d` with links as in
@@ -117,48 +117,61 @@ impl Coordinates {
 impl LimbCoordinates {
     /// Body twists (complete x n) replaced by those in the slice (slice x n) that no pose tells from them.
     fn in_slice_alone(&self, limb: &Limb, links: &[Se3], twists: &Mat<f64>) -> Mat<f64> {
-        let stand_ins = self.at_pivots(limb, links, |at_slice| at_slice);
-        picked(twists, &self.slice) - stand_ins.transpose() * picked(twists, &self.pivots)
+        let stand_ins = self.stand_ins(limb, links);
+        let mut out = Mat::zeros(self.slice.len(), twists.ncols());
+        wide(
+            #[inline(always)]
+            || {
+                for j in 0..twists.ncols() {
+                    let (twist, column) = (twists.col_as_slice(j), out.col_as_slice_mut(j));
+                    for (entry, &i) in column.iter_mut().zip(&self.slice) {
+                        *entry = twist[i];
+                    }
+                    for (by_pivot, &pivot) in stand_ins.iter().zip(&self.pivots) {
+                        linalg::subtract(twist[pivot], by_pivot, column);
+                    }
+                }
+            },
+        );
+        out
     }
 
     /// Derivatives by every component of the body twists from those by the slice: no pose tells a pivot from the slice
     /// twists that stand for it.
     fn by_every_component(&self, limb: &Limb, links: &[Se3], by_slice: &[f64]) -> Vec<f64> {
-        let column = Mat::from_fn(by_slice.len(), 1, |i, _| by_slice[i]);
-        let by_pivot = self.at_pivots(limb, links, |at_slice| at_slice * column);
         let mut out = vec![0.0; self.sigma.len()];
         for (&i, by) in self.slice.iter().zip(by_slice) {
             out[i] = *by;
         }
-        for (row, &i) in self.pivots.iter().enumerate() {
-            out[i] = -by_pivot[(row, 0)];
+        for (by_pivot, &i) in self.stand_ins(limb, links).iter().zip(&self.pivots) {
+            out[i] = -linalg::dot(by_pivot, by_slice);
         }
         out
     }
 
-    /// `N_p^-T of(N_s')` (pivots x n), `N_p` and `N_s` the rows of the redundant twists at pivots and slice.
-    fn at_pivots(&self, limb: &Limb, links: &[Se3], of: impl FnOnce(Mat<f64>) -> Mat<f64>) -> Mat<f64> {
+    /// Per pivot the redundant twist that has 1 there and 0 at the other pivots, as it is in the slice. NaN where there is
+    /// none.
+    fn stand_ins(&self, limb: &Limb, links: &[Se3]) -> Vec<Vec<f64>> {
         let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());
-        let at_pivots = picked(&null, &self.pivots);
-        let mut at_slice = Mat::zeros(null.ncols(), self.slice.len());
-        at_slice.copy_from(picked(&null, &self.slice).transpose());
-        let at_slice = of(at_slice);
-        // Where N has more columns than pivots any inverse serves.
-        match null.ncols() > self.pivots.len() {
-            true => at_pivots.transpose().qr().solve_lstsq(at_slice),
-            false => at_pivots.transpose().partial_piv_lu().solve(at_slice),
-        }
+        let mut twists: Vec<Vec<f64>> = (0..null.ncols()).map(|j| null.col_as_slice(j).to_vec()).collect();
+        wide(
+            #[inline(always)]
+            || {
+                for (at, &pivot) in self.pivots.iter().enumerate() {
+                    let size = |j: &usize| twists[*j][pivot].abs();
+                    let largest = (at..twists.len()).max_by(|i, j| size(i).total_cmp(&size(j)));
+                    let nothing = || vec![f64::NAN; self.sigma.len()];
+                    let mut twist = largest.map_or_else(nothing, |j| twists.swap_remove(j));
+                    let scale = twist[pivot].recip();
+                    twist.iter_mut().for_each(|v| *v *= scale);
+                    for other in twists.iter_mut().filter(|other| other[pivot] != 0.0) {
+                        linalg::subtract(other[pivot], &twist, other);
+                    }
+                    twists.insert(at, twist);
+                }
+            },
+        );
+        let in_slice = |twist: &Vec<f64>| self.slice.iter().map(|&i| twist[i]).collect();
+        twists.iter().take(self.pivots.len()).map(in_slice).collect()
     }
-}
-
-/// These rows of `a`.
-fn picked(a: &Mat<f64>, rows: &[usize]) -> Mat<f64> {
-    let mut out = Mat::zeros(rows.len(), a.ncols());
-    for j in 0..a.ncols() {
-        let from = a.col_as_slice(j);
-        for (to, &i) in out.col_as_slice_mut(j).iter_mut().zip(rows) {
-            *to = from[i];
-        }
-    }
-    out
 }

@@ -71,7 +71,7 @@ pub fn misfits(mechanism: &Mechanism, data: &[Reading]) -> Vec<f64> {
             let mut square = 0.0;
             for limb in &mechanism.limbs {
                 last += limb.links.len();
-                let (w, v) = pose_difference(&posture.frames[last - 1], &pose);
+                let (w, v) = pose_difference(&posture.frames[last - 1].into(), &pose);
                 square += v.norm_squared() + (w * posture.length()).norm_squared();
             }
             let size = (square / mechanism.limbs.len() as f64).sqrt();

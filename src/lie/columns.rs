@@ -3,8 +3,8 @@
 use super::Se3;
 use nalgebra::{Matrix3, Vector3};
 
-/// A pose by columns, the three of its rotation and its position (m), each padded by a zero to the four places that
-/// vector instructions take at once.
+/// A pose by columns, the three of its rotation and its position (m), each padded to the four places that vector
+/// instructions take at once; the fourth means nothing.
 #[derive(Clone, Copy, Debug)]
 pub struct Columns(pub [[f64; 4]; 4]);
 
@@ -30,6 +30,25 @@ impl From<Columns> for Se3 {
 }
 
 impl Columns {
+    /// The identity.
+    pub fn identity() -> Self {
+        Self::from(&Se3::identity())
+    }
+
+    /// Direction of the z axis.
+    #[inline(always)]
+    pub fn z(&self) -> Vector3<f64> {
+        let [x, y, z, _] = self.0[2];
+        Vector3::new(x, y, z)
+    }
+
+    /// Position, m.
+    #[inline(always)]
+    pub fn p(&self) -> Vector3<f64> {
+        let [x, y, z, _] = self.0[3];
+        Vector3::new(x, y, z)
+    }
+
     /// `a x + b y`
     #[inline(always)]
     pub fn combined(x: &[f64; 4], a: f64, y: &[f64; 4], b: f64) -> [f64; 4] {

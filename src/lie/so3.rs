@@ -74,9 +74,11 @@ pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
         vector = -vector;
     }
     let n = vector.norm();
-    if n < 1e-4 * scalar {
+    if n < 0.02 * scalar {
+        // atan(q) / q, to rounding.
         let q = n / scalar;
-        return vector * (2.0 / scalar * (1.0 - q * q / 3.0));
+        let series = [1.0, -1.0 / 3.0, 1.0 / 5.0, -1.0 / 7.0, 1.0 / 9.0, -1.0 / 11.0];
+        return vector * (2.0 / scalar * series.iter().rev().fold(0.0, |sum, c| sum * (q * q) + c));
     }
     vector * (2.0 * n.atan2(scalar) / n)
 }

@@ -2,6 +2,7 @@
 //!
 //! Nothing here forms `J'J`. Everything runs on one thread: tall, narrow matrices gain nothing from more.
 
+mod reflect;
 mod stream;
 mod triangle;
 
@@ -74,6 +75,17 @@ pub fn mul_transpose(a: MatRef<'_, f64>, y: &[f64]) -> Vec<f64> {
 /// `a' b`.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// `b -= factor a`, which are of one length.
+#[inline(always)]
+pub fn subtract(factor: f64, a: &[f64], b: &mut [f64]) {
+    // In fours, so that vector instructions leave but three entries over.
+    let ((a4, a), (b4, b)) = (a.as_chunks::<4>(), b.as_chunks_mut::<4>());
+    for (b, a) in b4.iter_mut().zip(a4) {
+        *b = std::array::from_fn(|i| b[i] - factor * a[i]);
+    }
+    b.iter_mut().zip(a).for_each(|(b, a)| *b -= factor * a);
 }
 
 /// Euclidean norm.

@@ -21,6 +21,20 @@ impl<'a> RowBlock<'a> {
         Self { data, stride, first, rows }
     }
 
+    /// The same for a while: what is held by value is faster to reach.
+    #[inline(always)]
+    pub fn again(&mut self) -> RowBlock<'_> {
+        RowBlock { data: self.data, stride: self.stride, first: self.first, rows: self.rows }
+    }
+
+    /// Of column j the rows from the one `skipped` behind the first, where there are N.
+    #[inline(always)]
+    pub fn chunk<const N: usize>(&mut self, j: usize, skipped: usize) -> Option<&mut [f64; N]> {
+        let start = j * self.stride + self.first + skipped;
+        let rest = self.data.get_mut(start..).filter(|_| skipped + N <= self.rows);
+        rest?.first_chunk_mut()
+    }
+
     /// These rows of column j and of those that follow.
     #[inline(always)]
     pub fn columns(&mut self, j: usize) -> impl Iterator<Item = &mut [f64]> {
@@ -37,12 +51,31 @@ impl<'a> RowBlock<'a> {
     }
 }
 
+/// Numbers that start where a vector instruction's four do not lie across two lines of the cache.
+struct Table {
+    memory: Vec<f64>,
+    first: usize,
+}
+
+impl Table {
+    fn new(count: usize) -> Self {
+        let memory = vec![0.0; count + 3];
+        let first = memory.as_ptr().align_offset(4 * size_of::<f64>()).min(3);
+        Self { memory, first }
+    }
+
+    fn entries(&mut self) -> &mut [f64] {
+        let count = self.memory.len() - 3;
+        &mut self.memory[self.first..self.first + count]
+    }
+}
+
 /// Streams rows of `[J r]` into the triangular factor, so that memory does not grow with their number.
 ///
 /// Blocks are reduced in the order in which they come: the result depends on nothing else.
 pub struct RowStream {
     /// `[J r]`, column-major: the factor of the rows that are reduced, then those that are not.
-    data: Vec<f64>,
+    data: Table,
     columns: usize,
     capacity: usize,
     filled: usize,
@@ -54,7 +87,7 @@ impl RowStream {
     pub fn new(columns: usize, expected: usize) -> Self {
         let columns = columns + 1;
         let capacity = expected.min(columns + BLOCK_ROWS).max(1);
-        Self { data: vec![0.0; capacity * columns], columns, capacity, filled: 0, square: 0.0 }
+        Self { data: Table::new(capacity * columns), columns, capacity, filled: 0, square: 0.0 }
     }
 
     /// The next `count` rows to be written whole: columns `0..n` for `J` and column n for `r`.
@@ -63,7 +96,7 @@ impl RowStream {
             self.reduce(self.filled + count);
         }
         self.filled += count;
-        RowBlock::new(&mut self.data, self.capacity, self.filled - count, count)
+        RowBlock::new(self.data.entries(), self.capacity, self.filled - count, count)
     }
 
     /// Reduces what is filled; makes room where `wanted` rows fit in no other way.
@@ -73,10 +106,10 @@ impl RowStream {
         let room = wanted - self.filled + rows;
         if room > self.capacity {
             self.capacity = room;
-            self.data = vec![0.0; room * self.columns];
+            self.data = Table::new(room * self.columns);
         }
         self.filled = rows;
-        let mut block = RowBlock::new(&mut self.data, self.capacity, 0, rows);
+        let mut block = RowBlock::new(self.data.entries(), self.capacity, 0, rows);
         for j in 0..self.columns {
             for (to, from) in block.column(j).iter_mut().zip(factor.col(j).iter()) {
                 *to = *from;
@@ -86,7 +119,12 @@ impl RowStream {
 
     fn factor(&mut self) -> Mat<f64> {
         let (rows, columns, stride) = (self.filled, self.columns, self.capacity);
-        upper_factor(MatMut::from_column_major_slice_with_stride_mut(&mut self.data, rows, columns, stride))
+        upper_factor(MatMut::from_column_major_slice_with_stride_mut(
+            self.data.entries(),
+            rows,
+            columns,
+            stride,
+        ))
     }
 
     /// Appends a problem that is already compressed, its cost included.

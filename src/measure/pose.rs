@@ -5,6 +5,7 @@ use super::point::Point;
 use crate::lie::{Se3, so3};
 use crate::model::mechanism::pose_difference;
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
+use std::array::from_fn;
 use std::sync::Arc;
 
 /// Noise that cannot be whitened.
@@ -114,16 +115,15 @@ impl Measurement for Pose {
     /// (8.1), (8.2)
     fn evaluate(&self, view: &View<'_>, out: &mut Evaluation) {
         let (w, dp) = pose_difference(&view.tool, &self.measured);
-        let error = [w.x, w.y, w.z, dp.x, dp.y, dp.z];
         // The rotation vector of R R_m' changes by the inverse left Jacobian, which is 1 at no error.
         let turn = so3::left_jacobian_inverse(&w);
-        out.rows.extend(self.weighting.0.iter().map(|k| {
-            let by_rotation = |j: usize| k[0] * turn[(0, j)] + k[1] * turn[(1, j)] + k[2] * turn[(2, j)];
-            Row {
-                r: k.iter().zip(&error).map(|(k, e)| k * e).sum(),
-                by_tool: [by_rotation(0), by_rotation(1), by_rotation(2), k[3], k[4], k[5]],
-            }
-        }));
+        let [t, u, v] = [0, 1, 2].map(|i| [turn[(i, 0)], turn[(i, 1)], turn[(i, 2)]]);
+        out.rows.reserve(self.weighting.0.len());
+        for &[a, b, c, x, y, z] in &self.weighting.0 {
+            let [d, e, f]: [f64; 3] = from_fn(|i| a * t[i] + b * u[i] + c * v[i]);
+            let r = (a * w.x + b * w.y + c * w.z) + (x * dp.x + y * dp.y + z * dp.z);
+            out.rows.push(Row { r, by_tool: [d, e, f, x, y, z] });
+        }
     }
 
     fn is_angle(&self, row: usize) -> bool {

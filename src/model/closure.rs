@@ -64,7 +64,7 @@ impl Posture {
     pub fn close(&mut self, mechanism: &Mechanism, geometry: &Geometry) -> Result<(), NotClosed> {
         self.iterations = 0;
         self.place(mechanism, geometry);
-        if mechanism.is_open_chain() {
+        if self.is_open_chain() {
             return if self.tool().is_finite() { Ok(()) } else { Err(NotClosed::NotFinite) };
         }
         let mut gap = self.gap(mechanism);
@@ -127,7 +127,7 @@ impl Posture {
         // Unlike fold with max, the sum lets a NaN through.
         let mut square = 0.0;
         for (gap, tool) in self.gaps.iter_mut().zip(Self::tools(mechanism)).skip(1) {
-            let (w, v) = pose_difference(&first, &self.frames[tool]);
+            let (w, v) = pose_difference(&first, &self.frames[tool].into());
             *gap = [w.x, w.y, w.z, v.x * per_length, v.y * per_length, v.z * per_length];
             square += gap.iter().map(|v| v * v).sum::<f64>();
         }
@@ -194,7 +194,7 @@ impl Posture {
     fn apart(&self, mechanism: &Mechanism) -> NotClosed {
         let (mut rotation, mut translation) = (0.0_f64, 0.0_f64);
         for tool in Self::tools(mechanism).skip(1) {
-            let (w, v) = pose_difference(&self.tool(), &self.frames[tool]);
+            let (w, v) = pose_difference(&self.tool(), &self.frames[tool].into());
             rotation = rotation.max(w.norm());
             translation = translation.max(v.norm());
         }

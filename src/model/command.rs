@@ -277,7 +277,7 @@ fn newton_step(
     let mut twists = Vec::with_capacity(count);
     let (mut frame, mut wrench) = (0, 0);
     for (limb, split) in mechanism.limbs.iter().zip(&posture.splits) {
-        let tool = posture.frames[frame + limb.joints.len()].p;
+        let tool = posture.frames[frame + limb.joints.len()].p();
         for (joint, g) in limb.joints.iter().zip(&posture.frames[frame..]).filter(|(joint, _)| joint.actuated)
         {
             let twist = scaled(joint.motion.tool_twist(g, &tool), posture.length());

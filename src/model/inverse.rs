@@ -5,7 +5,7 @@ use super::limb::Limb;
 use super::mechanism::{Geometry, Mechanism, pose_difference};
 use super::passive::PassiveSplit;
 use super::posture::{LONGEST_STEP, Posture, scaled};
-use crate::lie::Se3;
+use crate::lie::{Columns, Se3};
 
 const MAX_ITERATIONS: usize = 60;
 /// Relative reduction of the gap below which inverse kinematics stops: it is a start for closure, no more.
@@ -63,7 +63,7 @@ fn limb_at_pose(limb: &Limb, links: &[Se3], actuators: &[f64], theta: &mut [f64]
     for _ in 0..MAX_ITERATIONS {
         columns.clear();
         for (joint, g) in limb.joints.iter().zip(&before).filter(|(joint, _)| !joint.actuated) {
-            columns.push(scaled(joint.motion.tool_twist(g, &at.p), length));
+            columns.push(scaled(joint.motion.tool_twist(&Columns::from(g), &at.p), length));
         }
         split.factor(&columns);
         let step = split.motions(&twist);

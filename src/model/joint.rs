@@ -52,12 +52,12 @@ impl Motion {
     /// Twist of the tool point `[w; dp]` per unit of the joint variable, for the joint frame `g` and the
     /// tool point `tool` in {S}.
     #[inline(always)]
-    pub fn tool_twist(self, g: &Se3, tool: &Vector3<f64>) -> [f64; 6] {
-        let axis = g.r.column(2);
+    pub fn tool_twist(self, g: &Columns, tool: &Vector3<f64>) -> [f64; 6] {
+        let axis = g.z();
         let (w, v) = match self {
-            Motion::Prismatic => (Vector3::zeros(), axis.into_owned()),
-            Motion::Revolute => (axis.into_owned(), axis.cross(&(tool - g.p))),
-            Motion::Helical { advance } => (axis.into_owned(), axis.cross(&(tool - g.p)) + axis * advance),
+            Motion::Prismatic => (Vector3::zeros(), axis),
+            Motion::Revolute => (axis, axis.cross(&(tool - g.p()))),
+            Motion::Helical { advance } => (axis, axis.cross(&(tool - g.p())) + axis * advance),
         };
         [w.x, w.y, w.z, v.x, v.y, v.z]
     }

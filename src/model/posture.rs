@@ -42,7 +42,7 @@ pub struct Posture {
     /// The joint variables that were placed last.
     turns: Vec<Turn>,
     /// Frames in {S} behind each link, limb by limb: f_i + 1 each, the last one that limb's tool.
-    pub frames: Vec<Se3>,
+    pub frames: Vec<Columns>,
     /// Per limb, passive twists and wrenches.
     pub splits: Vec<PassiveSplit>,
     /// Inverse of the stacked wrenches `Jr`.
@@ -57,6 +57,8 @@ pub struct Posture {
     /// Twist `[w; dp / length]` from each limb's tool to the first limb's.
     pub(super) gaps: Vec<[f64; 6]>,
     pub(super) first_tool: usize,
+    /// Whether there is nothing to close.
+    open: bool,
 }
 
 impl Posture {
@@ -66,7 +68,7 @@ impl Posture {
         Self {
             q: vec![0.0; joints],
             turns: vec![Turn::zero(); joints],
-            frames: vec![Se3::identity(); joints + mechanism.limbs.len()],
+            frames: vec![Columns::identity(); joints + mechanism.limbs.len()],
             splits: vec![PassiveSplit::rigid(); mechanism.limbs.len()],
             wrench_inverse: Matrix6::identity(),
             iterations: 0,
@@ -76,6 +78,7 @@ impl Posture {
             columns: Vec::with_capacity(6),
             gaps: vec![[0.0; 6]; mechanism.limbs.len()],
             first_tool: mechanism.limbs.first().map_or(0, |limb| limb.joints.len()),
+            open: mechanism.is_open_chain(),
         }
     }
 
@@ -84,9 +87,14 @@ impl Posture {
         self.length
     }
 
+    /// Whether the machine is an open chain of actuated joints.
+    pub fn is_open_chain(&self) -> bool {
+        self.open
+    }
+
     /// Pose of the tool in {S}: that of the first limb, which the others meet.
     pub fn tool(&self) -> Se3 {
-        self.frames[self.first_tool]
+        self.frames[self.first_tool].into()
     }
 
     /// Sets the joint variables from actuator variables (reading - home) and passive joint variables, both
@@ -152,7 +160,7 @@ impl Posture {
 
     /// Sign of `det Jr` at the joint variables as set, the limbs not necessarily meeting.
     pub fn assembly_mode(&mut self, mechanism: &Mechanism, geometry: &Geometry) -> f64 {
-        if mechanism.is_open_chain() {
+        if self.open {
             return 1.0;
         }
         self.open(mechanism, geometry);
@@ -184,10 +192,12 @@ impl Posture {
 
     /// Forward kinematics of every limb (3).
     pub(super) fn place(&mut self, mechanism: &Mechanism, geometry: &Geometry) {
-        let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints);
-        for ((joint, q), turn) in joints.zip(&self.q).zip(&mut self.turns) {
-            if *q != turn.q {
-                *turn = Turn::of(joint.motion, *q);
+        let mut variables = self.q.iter().zip(&mut self.turns);
+        for limb in &mechanism.limbs {
+            for (joint, (q, turn)) in limb.joints.iter().zip(variables.by_ref()) {
+                if *q != turn.q {
+                    *turn = Turn::of(joint.motion, *q);
+                }
             }
         }
         wide(
@@ -203,13 +213,13 @@ impl Posture {
         for (limb, links) in mechanism.limbs.iter().zip(&geometry.limbs) {
             let mut at = Columns::from(&links[0]);
             for ((j, link), frame) in limb.joints.iter().zip(&links[1..]).zip(frames.by_ref()) {
-                *frame = at.into();
+                *frame = at;
                 if let Some(turn) = turns.next() {
                     at = j.motion.moved_by(&at, turn.q, turn.sin_cos).times(link);
                 }
             }
             if let Some(frame) = frames.next() {
-                *frame = at.into();
+                *frame = at;
             }
         }
     }
@@ -252,8 +262,8 @@ impl Posture {
 
 /// Twists of a limb's passive joints with its frames, written over `columns`.
 #[inline(always)]
-fn passive_twists(limb: &Limb, frames: &[Se3], length: f64, columns: &mut Vec<[f64; 6]>) {
-    let tool = frames[limb.joints.len()].p;
+fn passive_twists(limb: &Limb, frames: &[Columns], length: f64, columns: &mut Vec<[f64; 6]>) {
+    let tool = frames[limb.joints.len()].p();
     columns.clear();
     for (joint, g) in limb.joints.iter().zip(frames) {
         if !joint.actuated {

@@ -7,6 +7,11 @@ use faer::Mat;
 /// Singular value, relative to the threshold, above which the prior has no weight left.
 const FADED: f64 = 10.0;
 
+/// A number of rows that factorises fastest, `rows` or a few more.
+fn in_fours(rows: usize) -> usize {
+    rows.next_multiple_of(4)
+}
+
 /// Directions on which the prior stands, and its weight on each; everything orthogonal to them is the data's.
 ///
 /// The weight is 1 up to the threshold and fades to 0 at ten times it. A hard edge would leave directions of a
@@ -64,8 +69,8 @@ impl Split {
         if m == 0 {
             return factor;
         }
-        let mut rows = Mat::<f64>::zeros(n + m, n + 1);
-        rows.as_mut().submatrix_mut(0, 0, n, n + 1).copy_from(&factor);
+        let mut rows = Mat::<f64>::zeros(in_fours(n + m), n + 1);
+        rows.as_mut().submatrix_mut(0, 0, n, n + 1).copy_from(factor.get(..n, ..));
         rows.as_mut().submatrix_mut(n, 0, m, n).copy_from(self.anchors.transpose());
         if self.prior {
             for (i, along) in linalg::mul_transpose(self.anchors.as_ref(), x).iter().enumerate() {
@@ -106,7 +111,7 @@ impl Model {
     ) -> Option<Self> {
         let (k, n) = (here.jac.nrows(), x.len());
         // Rows of zeros make the factor square where there are fewer residuals than parameters.
-        let mut rows = Mat::<f64>::zeros(k.max(n), n + 1);
+        let mut rows = Mat::<f64>::zeros(in_fours(k.max(n)), n + 1);
         rows.as_mut().submatrix_mut(0, 0, k, n).copy_from(&here.jac);
         for i in 0..k {
             rows[(i, n)] = -here.r[i];
@@ -154,7 +159,7 @@ impl Model {
 
     fn damped(&self, damping: f64) -> Mat<f64> {
         let n = self.scale.len();
-        let mut rows = Mat::<f64>::zeros(2 * n, n + 1);
+        let mut rows = Mat::<f64>::zeros(in_fours(2 * n), n + 1);
         rows.as_mut().submatrix_mut(0, 0, n, n + 1).copy_from(self.factor.get(..n, ..));
         for (j, scale) in self.scale.iter().enumerate() {
             rows[(n + j, j)] = damping.sqrt() * scale;
