@@ -15,7 +15,7 @@ const LAYERS: [(&str, &[&str]); 19] = [
     ("measure", &["lie", "model"]),
     ("calibration", &["wide", "lie", "linalg", "problem", "model", "measure"]),
     // Nor does an identifier.
-    ("solve", &["linalg", "statistics", "problem"]),
+    ("solve", &["wide", "linalg", "statistics", "problem"]),
     ("simulate", &["lie", "model", "measure"]),
     (
         "identify",

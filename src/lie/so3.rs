@@ -76,9 +76,9 @@ pub fn log(r: &Matrix3<f64>) -> Vector3<f64> {
     let n = vector.norm();
     if n < 0.02 * scalar {
         // atan(q) / q, to rounding.
-        let q = n / scalar;
-        let series = [1.0, -1.0 / 3.0, 1.0 / 5.0, -1.0 / 7.0, 1.0 / 9.0, -1.0 / 11.0];
-        return vector * (2.0 / scalar * series.iter().rev().fold(0.0, |sum, c| sum * (q * q) + c));
+        let q2 = (n / scalar) * (n / scalar);
+        let (low, high) = (1.0 - q2 / 3.0, 1.0 / 5.0 - q2 / 7.0);
+        return vector * (2.0 / scalar * (low + q2 * q2 * (high + q2 * q2 * (1.0 / 9.0 - q2 / 11.0))));
     }
     vector * (2.0 * n.atan2(scalar) / n)
 }
@@ -93,7 +93,7 @@ pub fn left_jacobian(w: &Vector3<f64>) -> Matrix3<f64> {
 /// Inverse of [`left_jacobian`]; singular at |w| = 2 pi.
 pub fn left_jacobian_inverse(w: &Vector3<f64>) -> Matrix3<f64> {
     // hat(w)^2 = w w' - |w|^2
-    let c = cot_coefficient(w.norm());
+    let c = cot_coefficient(w.norm_squared());
     let (x, y, z) = (0.5 * w.x, 0.5 * w.y, 0.5 * w.z);
     let (xx, yy, zz) = (c * w.x * w.x, c * w.y * w.y, c * w.z * w.z);
     let (xy, xz, yz) = (c * w.x * w.y, c * w.x * w.z, c * w.y * w.z);
@@ -110,10 +110,10 @@ pub fn left_jacobian_inverse(w: &Vector3<f64>) -> Matrix3<f64> {
     )
 }
 
-/// `(1 - (t/2) cot(t/2)) / t^2`, whose series has the Bernoulli numbers `|B_2k| / (2k)!`.
-fn cot_coefficient(t: f64) -> f64 {
-    let t2 = t * t;
-    if t > 0.7 {
+/// `(1 - (t/2) cot(t/2)) / t^2` of `t2 = t^2`, whose series has the Bernoulli numbers `|B_2k| / (2k)!`.
+fn cot_coefficient(t2: f64) -> f64 {
+    if t2 > 0.49 {
+        let t = t2.sqrt();
         return (1.0 - 0.5 * t / (0.5 * t).tan()) / t2;
     }
     const SERIES: [f64; 9] = [
@@ -127,5 +127,6 @@ fn cot_coefficient(t: f64) -> f64 {
         3617.0 / 10_670_622_842_880_000.0,
         43867.0 / 5_109_094_217_170_944_000.0,
     ];
-    SERIES.iter().rev().fold(0.0, |sum, c| sum * t2 + c)
+    let terms = if t2 < 0.002 { 4 } else { SERIES.len() };
+    SERIES[..terms].iter().rev().fold(0.0, |sum, c| sum * t2 + c)
 }

@@ -9,6 +9,7 @@ mod triangle;
 pub use stream::{RowBlock, RowStream, compress};
 pub use triangle::{complement, inverse_norm, solve_upper, solve_upper_transpose, upper_factor};
 
+use crate::wide::narrow;
 use faer::{Mat, MatRef};
 
 /// Thin singular value decomposition `a = u diag(s) v'`, `s` descending.
@@ -27,6 +28,7 @@ pub fn svd(a: MatRef<'_, f64>) -> Option<Svd> {
         return None;
     }
     let full = a.svd().ok()?;
+    narrow();
     let k = a.nrows().min(a.ncols());
     Some(Svd {
         u: full.U().get(.., ..k).to_owned(),
@@ -40,7 +42,9 @@ pub fn singular_values(a: MatRef<'_, f64>) -> Option<Vec<f64>> {
     if !a.is_all_finite() {
         return None;
     }
-    a.singular_values().ok()
+    let values = a.singular_values().ok();
+    narrow();
+    values
 }
 
 /// `-J^+ r` with singular values of `J` at most `smallest` times the largest taken as zero; `None` where it is not

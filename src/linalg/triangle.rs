@@ -1,7 +1,7 @@
 //! Triangular factors by Householder reflections, and what is solved with them.
 
 use super::reflect::{reflect_back, reflect_columns};
-use crate::wide::wide;
+use crate::wide::{narrow, wide};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::qr::no_pivoting::factor;
 use faer::prelude::{Reborrow, ReborrowMut};
@@ -25,6 +25,7 @@ pub fn upper_factor(mut a: MatMut<'_, f64>) -> Mat<f64> {
             let mut buffer = MemBuffer::new(scratch);
             let stack = MemStack::new(&mut buffer);
             factor::qr_in_place(a.rb_mut(), h.as_mut(), Par::Seq, stack, Default::default());
+            narrow();
         }
         _ => {}
     }

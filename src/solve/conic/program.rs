@@ -181,6 +181,7 @@ impl Program {
         let mut solver =
             DefaultSolver::new(&self.hessian(scale), &linear, &rows, &self.right, &self.cones, settings)
                 .map_err(|why| why.to_string())?;
+        crate::wide::narrow();
         solver.solve();
         let solution = solver.solution;
         Ok(Solution {
