@@ -208,19 +208,19 @@ impl Posture {
 
     #[inline(always)]
     fn place_limbs(&mut self, mechanism: &Mechanism, geometry: &Geometry) {
-        let mut frames = self.frames.iter_mut();
         let mut turns = self.turns.iter();
+        let mut first = 0;
         for (limb, links) in mechanism.limbs.iter().zip(&geometry.limbs) {
-            let mut at = Columns::from(&links[0]);
-            for ((j, link), frame) in limb.joints.iter().zip(&links[1..]).zip(frames.by_ref()) {
-                *frame = at;
-                if let Some(turn) = turns.next() {
-                    at = j.motion.moved_by(&at, turn.q, turn.sin_cos).times(link);
+            let frames = &mut self.frames[first..first + links.len()];
+            frames[0] = Columns::from(&links[0]);
+            for (i, ((joint, link), turn)) in limb.joints.iter().zip(&links[1..]).zip(&mut turns).enumerate()
+            {
+                // From memory to memory: in registers, the compiler would take the columns apart.
+                if let [before, behind, ..] = &mut frames[i..] {
+                    *behind = joint.motion.moved_by(before, turn.q, turn.sin_cos).times(link);
                 }
             }
-            if let Some(frame) = frames.next() {
-                *frame = at;
-            }
+            first += links.len();
         }
     }
 
