@@ -35,16 +35,17 @@ fn in_form(samples: &[Sample], form: Form) -> Vec<Sample> {
     samples.iter().map(|s| Sample { measurement: weighted(s), ..s.clone() }).collect()
 }
 
-/// Checks the Jacobian at nominal and at a random deviation; returns the two errors.
+/// Checks the Jacobian at nominal and at a random deviation; returns the two errors. Of several steps each column takes
+/// the one whose difference comes closest: a wrong column is far from all.
 fn assert_jacobian(
     mechanism: &Mechanism,
     samples: &[Sample],
     form: Form,
-    step: f64,
+    steps: &[f64],
     what: &str,
 ) -> (f64, f64) {
     let samples = in_form(samples, form);
-    let step = if form == Form::Plain { 1e-3 * step } else { step };
+    let unit = if form == Form::Plain { 1e-3 } else { 1.0 };
     let mut worst = (0.0_f64, 0.0_f64);
     for distance in [0.0, 1.0] {
         let at = draw_deviations(mechanism, 5, distance);
@@ -52,11 +53,14 @@ fn assert_jacobian(
         assert!(problem.sample_count() > 0, "{what}: {:?}", problem.set_aside());
         let x = problem.coordinates().nearest(&at);
         let analytic = problem.linearize(&x).unwrap().jac;
-        let difference = &analytic - check::finite_difference(&problem, &x, step).unwrap();
+        let difference = |step| &analytic - check::finite_difference(&problem, &x, unit * step).unwrap();
+        let differences: Vec<Mat<f64>> = steps.iter().map(difference).collect();
         let largest = analytic.norm_max();
-        for (column, error) in analytic.col_iter().zip(difference.col_iter()) {
-            worst.0 = worst.0.max(error.norm_max() / largest);
-            worst.1 = worst.1.max(error.norm_max() / column.norm_max().max(1e-3 * largest));
+        for (j, column) in analytic.col_iter().enumerate() {
+            let errors = differences.iter().map(|difference| difference.col(j).norm_max());
+            let error = errors.fold(f64::INFINITY, f64::min);
+            worst.0 = worst.0.max(error / largest);
+            worst.1 = worst.1.max(error / column.norm_max().max(1e-3 * largest));
         }
         assert!(
             worst.0 <= OF_LARGEST && worst.1 <= OF_COLUMN,
@@ -74,7 +78,7 @@ fn every_problem(form: Form) {
     for path in problems() {
         let read = read_problem(&path, &places).unwrap();
         let samples: Vec<Sample> = read.data.samples.iter().step_by(25).cloned().collect();
-        let found = assert_jacobian(&read.mechanism, &samples, form, 0.3, &name(&path));
+        let found = assert_jacobian(&read.mechanism, &samples, form, &[0.3], &name(&path));
         worst = (worst.0.max(found.0), worst.1.max(found.1));
     }
     eprintln!("{form:?}: {:.1e} of the largest entry, {:.1e} of a column's", worst.0, worst.1);
@@ -106,10 +110,9 @@ fn of_random_machines_with_partial_measurements() {
             // One form a machine, but complete, of which the others are products, always.
             let others = [Form::Minimal, Form::Plain];
             for form in [Form::Complete, others[round % 2]] {
-                // Some of these bend faster than machines that are built. Closures are good to 1e-13: below this step
-                // their rounding shows, above it the bend.
+                // Some of these bend faster than machines that are built; others show the rounding of their closures.
                 let what = format!("{pattern:?} {round}");
-                let found = assert_jacobian(&mechanism, &samples, form, 0.03, &what);
+                let found = assert_jacobian(&mechanism, &samples, form, &[0.02, 0.05], &what);
                 worst = (worst.0.max(found.0), worst.1.max(found.1));
             }
         }

@@ -60,6 +60,16 @@ fn an_identifier_that_does_not_suit_is_refused() {
 }
 
 #[test]
+fn a_weight_of_nothing_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let result = folder.path().join("r.json");
+    let scara = file("problems/serial-scara.json");
+    let ran = gough("identify {0} --solver conic-huber --set weight=3 -o {1}", &[&scara, &result]);
+    assert!(ran.status == 2 && !result.exists(), "{ran:?}");
+    assert!(ran.stderr.contains("a weight is set, but no regulariser that it could weigh"), "{ran:?}");
+}
+
+#[test]
 fn a_page_without_standard_errors_speaks_of_no_intervals() {
     let folder = tempfile::tempdir().unwrap();
     let result = folder.path().join("r.json");

@@ -122,6 +122,10 @@ impl Conic {
             Some("its parameters are not grouped into links")
         } else if self.options.weight == WeightRule::Discrepancy && !problem.has_prior() {
             Some("the discrepancy principle needs a stated noise")
+        } else if self.options.regulariser == Regulariser::None
+            && self.options.weight != WeightRule::Given(1.0)
+        {
+            Some("a weight is set, but no regulariser that it could weigh (ridge, lasso or group-lasso)")
         } else {
             None
         }
