@@ -4,7 +4,7 @@ use std::ops::{Add, Mul, Sub};
 use std::sync::LazyLock;
 
 /// Runs `work` compiled for the widest vector instructions that this processor has and that stay exact: no result
-/// depends on which they are. Only what is inlined into `work` gains.
+/// depends on which they are. Only what is inlined into `work` gains. Leaves the registers [`narrow`].
 #[inline(always)]
 pub fn wide<T>(work: impl FnOnce() -> T) -> T {
     let done = ARCH.dispatch(work);
@@ -23,10 +23,14 @@ static ARCH: LazyLock<pulp::Arch> = LazyLock::new(pulp::Arch::new);
 #[inline(always)]
 pub fn narrow() {
     #[cfg(target_arch = "x86_64")]
-    if let pulp::Arch::V3(v3) = *ARCH {
+    if let Some(v3) = *HALVES {
         v3.avx._mm256_zeroupper();
     }
 }
+
+/// The wide registers, where there are any.
+#[cfg(target_arch = "x86_64")]
+static HALVES: LazyLock<Option<pulp::x86::V3>> = LazyLock::new(pulp::x86::V3::try_new);
 
 /// A number, or some side by side with which vector instructions do the same.
 pub trait Lanes: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {

@@ -12,6 +12,9 @@ use std::f64::consts;
 
 const TOLERANCE: f64 = 1e-14;
 /// Four turns.
+/// Angles where series begin: twice the arc tangent of 0.02, the root of 0.002.
+const LOGARITHM: f64 = 0.039_994_667_946_301_07;
+const COTANGENT: f64 = 0.044_721_359_549_995_8;
 const LARGEST: f64 = 8.0 * consts::PI + 0.01;
 
 fn dd<const N: usize>(x: &SVector<f64, N>) -> [Dd; N] {
@@ -70,7 +73,7 @@ fn rotation_vectors(seed: u64, largest: f64) -> Vec<Vector3<f64>> {
         angles.extend([1.0, 3.0, 7.0].map(|m| m * 10.0_f64.powi(exponent)));
     }
     // The switches between series and closed form, and the trace's sign in the logarithm at 90 and 120 degrees.
-    for switch in [1e-4, 0.04, 0.7, consts::FRAC_PI_2, 2.0, 2.0 * consts::FRAC_PI_3, 2.5] {
+    for switch in [1e-4, LOGARITHM, COTANGENT, 0.7, consts::FRAC_PI_2, 2.0, 2.0 * consts::FRAC_PI_3, 2.5] {
         angles.extend([-1e-9, -1e-15, 0.0, 1e-15, 1e-9].map(|d| switch * (1.0 + d)));
     }
     for half_turn in 1..=8 {

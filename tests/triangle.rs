@@ -33,7 +33,7 @@ fn factors_have_the_gram_matrix_of_their_rows() {
 /// Columns of zeros, equal columns, and numbers whose squares overflow or vanish.
 #[test]
 fn factors_of_difficult_columns() {
-    for scale in [1e-200, 1e-150, 1.0, 1e150, 1e200] {
+    for scale in [1e-290, 1e-200, 1e-150, 1.0, 1e150, 1e200, 1e300] {
         let mut a = numbers(3, 12, 5);
         a.col_mut(1).fill(0.0);
         for i in 0..12 {
@@ -89,6 +89,8 @@ fn inverse_norms_are_those_of_the_singular_values() {
         let norm = inverse_norm(&factor, n);
         assert!((norm - sum.sqrt()).abs() <= 1e-12 * norm, "{n}: {norm} is {}", sum.sqrt());
     }
-    let singular = Mat::from_fn(2, 2, |i, j| if i == 0 { 1.0 + j as f64 } else { 0.0 });
+    let mut singular = Mat::from_fn(2, 2, |i, j| if i == 0 { 1.0 + j as f64 } else { 0.0 });
+    assert_eq!(inverse_norm(&singular, 2), f64::INFINITY);
+    singular[(1, 1)] = f64::INFINITY;
     assert_eq!(inverse_norm(&singular, 2), f64::INFINITY);
 }

@@ -12,6 +12,7 @@ use crate::linalg::{RowBlock, RowStream, dot};
 use crate::measure::{Evaluation, Row, View};
 use crate::model::{Geometry, Mechanism, Posture, Turn};
 use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
+use crate::wide::narrow;
 use faer::{Mat, MatRef};
 use nalgebra::Matrix6;
 use std::sync::{Mutex, PoisonError};
@@ -213,6 +214,7 @@ impl Problem for LimbProblem<'_> {
             Some(transform) => jac * transform,
             None => jac.to_owned(),
         };
+        narrow();
         Ok(Linearized { r: r.to_vec(), jac })
     }
 
@@ -231,6 +233,7 @@ impl Problem for LimbProblem<'_> {
             Some(transform) => sliced.jac * transform,
             None => sliced.jac,
         };
+        narrow();
         Ok(Compressed { jac, ..sliced })
     }
 

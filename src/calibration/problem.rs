@@ -8,6 +8,7 @@ use crate::linalg::{RowBlock, RowStream};
 use crate::measure::Evaluation;
 use crate::model::{Geometry, Mechanism, NotClosed, Posture, Turn};
 use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
+use crate::wide::narrow;
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -245,6 +246,7 @@ impl<'a> Calibration<'a> {
             let columns = a.get(.., limb.slice_offset..limb.slice_offset + limb.slice.len());
             out.as_mut().subcols_mut(limb.offset, limb.count).copy_from(columns * transform);
         }
+        narrow();
         out
     }
 }

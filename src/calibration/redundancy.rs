@@ -41,13 +41,10 @@ fn null_matrix(limb: &Limb, links: &[Se3]) -> Mat<f64> {
     null
 }
 
-/// Combinations of the null basis, `least` or more, that leave held components alone; and the null basis.
+/// Combinations of the null basis, `least` or more, that leave the held components, one or more, alone; and the null basis.
 fn null_coefficients(limb: &Limb, links: &[Se3], sigma: &[f64], least: usize) -> (Mat<f64>, Mat<f64>) {
     let all = null_matrix(limb, links);
     let held: Vec<usize> = (0..sigma.len()).filter(|&i| sigma[i] == 0.0).collect();
-    if held.is_empty() {
-        return (Mat::identity(all.ncols(), all.ncols()), all);
-    }
     let at_held = Mat::from_fn(held.len(), all.ncols(), |i, j| all[(held[i], j)]);
     let coefficients = match linalg::svd(at_held.as_ref()) {
         Some(svd) => {

@@ -18,7 +18,7 @@ const LANES: usize = 8;
 const FEW: usize = 3;
 
 /// Derivatives of up to six residuals by a twist, one array a component: by its rotation (rad), by its translation (m).
-/// The last two lanes mean nothing.
+/// Lanes beyond the last row mean nothing.
 type Covectors = [[[f64; LANES]; 3]; 2];
 
 /// Writes rows posture by posture; holds what it needs from one to the next.

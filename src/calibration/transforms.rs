@@ -149,8 +149,8 @@ impl LimbCoordinates {
         out
     }
 
-    /// Per pivot the redundant twist that has 1 there and 0 at the other pivots, as it is in the slice. NaN where there is
-    /// none.
+    /// Per pivot the redundant twist that has 1 there and 0 at the other pivots, to rounding, as it is in the slice. NaN
+    /// where there is none.
     fn stand_ins(&self, limb: &Limb, links: &[Se3]) -> Vec<Vec<f64>> {
         let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());
         let mut twists: Vec<Vec<f64>> = (0..null.ncols()).map(|j| null.col_as_slice(j).to_vec()).collect();

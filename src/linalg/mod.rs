@@ -84,6 +84,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// `b -= factor a`, which are of one length.
 #[inline(always)]
 pub fn subtract(factor: f64, a: &[f64], b: &mut [f64]) {
+    debug_assert_eq!(a.len(), b.len());
     // In fours, so that vector instructions leave but three entries over.
     let ((a4, a), (b4, b)) = (a.as_chunks::<4>(), b.as_chunks_mut::<4>());
     for (b, a) in b4.iter_mut().zip(a4) {

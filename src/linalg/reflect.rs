@@ -1,7 +1,6 @@
-//! Householder reflections of matrices of a few dozen columns, four at a time.
+//! Householder reflections, four at a time: for matrices of a few dozen columns.
 
 use crate::wide::wide;
-use faer::ColRef;
 
 /// Reflections in a block.
 const BLOCK: usize = 4;
@@ -16,7 +15,7 @@ pub(super) struct Block {
     weights: [f64; BLOCK],
     /// Of each pair of `[1; v]`, the earlier first.
     products: [[f64; BLOCK]; BLOCK],
-    /// Of each `[1; v]` the rows that do not belong to all, zeros before the 1.
+    /// Of each `[1; v]` the first four rows of the block: zeros, the 1, and then `v`.
     heads: [[f64; BLOCK]; BLOCK],
 }
 
@@ -34,7 +33,7 @@ pub(super) fn reflect_columns(columns: &mut [&mut [f64]]) -> Vec<Block> {
             for first in (0..k).step_by(BLOCK) {
                 let (done, rest) = columns.split_at_mut((first + BLOCK).min(k));
                 let block = Block::of(&mut done[first..], first);
-                block.reflect(&done[first..], rest, false);
+                block.apply(&done[first..], rest, false);
                 blocks.push(block);
             }
         },
@@ -48,7 +47,7 @@ pub(super) fn reflect_back(blocks: &[Block], columns: &[&mut [f64]], targets: &m
         #[inline(always)]
         || {
             for block in blocks.iter().rev() {
-                block.reflect(&columns[block.first..block.first + block.size], targets, true);
+                block.apply(&columns[block.first..block.first + block.size], targets, true);
             }
         },
     );
@@ -89,7 +88,7 @@ impl Block {
     /// Applies the reflections of `columns`, the block's own, to others: the first before the last, or the other way
     /// round.
     #[inline(always)]
-    fn reflect(&self, columns: &[&mut [f64]], targets: &mut [&mut [f64]], backwards: bool) {
+    fn apply(&self, columns: &[&mut [f64]], targets: &mut [&mut [f64]], backwards: bool) {
         let first = self.first;
         if let [a, b, c, d] = columns {
             let behind = first + BLOCK;
@@ -100,13 +99,13 @@ impl Block {
                     && let Some((top_x, x)) = x[first..].split_first_chunk_mut()
                     && let Some((top_y, y)) = y[first..].split_first_chunk_mut()
                 {
-                    self.reflect_whole(v, [top_x, top_y], [x, y], backwards);
+                    self.apply_whole(v, [top_x, top_y], [x, y], backwards);
                 }
             }
             if let [x] = pairs.into_remainder()
                 && let Some((top, x)) = x[first..].split_first_chunk_mut()
             {
-                self.reflect_whole(v, [top], [x], backwards);
+                self.apply_whole(v, [top], [x], backwards);
             }
             return;
         }
@@ -121,7 +120,7 @@ impl Block {
     /// All four to some columns at once, `tops` their rows that do not belong to all `v`: the products of the columns with
     /// all `v`, and one pass to subtract.
     #[inline(always)]
-    fn reflect_whole<const C: usize>(
+    fn apply_whole<const C: usize>(
         &self,
         v: [&[f64]; BLOCK],
         tops: [&mut [f64; BLOCK]; C],
@@ -138,7 +137,7 @@ impl Block {
                 top.iter_mut().zip(head).for_each(|(top, head)| *top -= along * head);
             }
         }
-        subtract(along, v, tails);
+        take_away(along, v, tails);
     }
 
     /// From the products of a column with each `[1; v]` to how much of each its reflection takes away, when those before
@@ -178,7 +177,7 @@ fn make_reflection(column: &mut [f64]) -> f64 {
     let square = dot(column, column);
     let norm = match SAFE.contains(&square) {
         true => square.sqrt(),
-        false => ColRef::from_slice(column).norm_l2(),
+        false => norm_of_extremes(column, square),
     };
     match column.split_first_mut() {
         Some((head, tail)) if tail.iter().any(|v| *v != 0.0) => {
@@ -193,6 +192,12 @@ fn make_reflection(column: &mut [f64]) -> f64 {
         }
         _ => 0.0,
     }
+}
+
+/// Norm of entries whose squares, `square` in all, overflow or vanish.
+fn norm_of_extremes(column: &[f64], square: f64) -> f64 {
+    let scale = if square < 1.0 { 1e200 } else { 1e-200 };
+    column.iter().map(|v| (v * scale) * (v * scale)).sum::<f64>().sqrt() / scale
 }
 
 /// Products of each `v` with each column.
@@ -230,7 +235,7 @@ fn dots<const C: usize>(v: [&[f64]; BLOCK], columns: &[&mut [f64]; C]) -> [[f64;
 
 /// `column -= sum of factor * v` of each column.
 #[inline(always)]
-fn subtract<const C: usize>(factors: [[f64; BLOCK]; C], v: [&[f64]; BLOCK], columns: [&mut [f64]; C]) {
+fn take_away<const C: usize>(factors: [[f64; BLOCK]; C], v: [&[f64]; BLOCK], columns: [&mut [f64]; C]) {
     let rows = v[0].len();
     let v = [&v[0][..rows], &v[1][..rows], &v[2][..rows], &v[3][..rows]];
     for (factors, column) in factors.into_iter().zip(columns) {

@@ -7,6 +7,11 @@ use faer::{Mat, MatMut};
 /// Rows taken into one QR factorisation; a multiple of it keeps the working set in cache.
 const BLOCK_ROWS: usize = 2048;
 
+/// Rows enough for so many, with columns that all start where the first does within a line of the cache.
+fn in_fours(rows: usize) -> usize {
+    rows.max(1).next_multiple_of(4)
+}
+
 /// Columns of some consecutive rows of a column-major table.
 pub struct RowBlock<'a> {
     data: &'a mut [f64],
@@ -51,7 +56,7 @@ impl<'a> RowBlock<'a> {
     }
 }
 
-/// Numbers that start where a vector instruction's four do not lie across two lines of the cache.
+/// Numbers that start where the four of a vector instruction do not lie across two lines of the cache.
 struct Table {
     memory: Vec<f64>,
     first: usize,
@@ -86,7 +91,7 @@ impl RowStream {
     /// A stream for n columns and `expected` rows in all.
     pub fn new(columns: usize, expected: usize) -> Self {
         let columns = columns + 1;
-        let capacity = expected.min(columns + BLOCK_ROWS).max(1);
+        let capacity = in_fours(expected.min(columns + BLOCK_ROWS));
         Self { data: Table::new(capacity * columns), columns, capacity, filled: 0, square: 0.0 }
     }
 
@@ -103,7 +108,7 @@ impl RowStream {
     fn reduce(&mut self, wanted: usize) {
         let factor = self.factor();
         let rows = factor.nrows();
-        let room = wanted - self.filled + rows;
+        let room = in_fours(wanted - self.filled + rows);
         if room > self.capacity {
             self.capacity = room;
             self.data = Table::new(room * self.columns);

@@ -61,8 +61,12 @@ fn slices(a: MatMut<'_, f64>) -> Option<Vec<&mut [f64]>> {
     Some(columns.map(|column| column.as_slice_mut()).collect())
 }
 
-/// Frobenius norm of the inverse of the triangle in the first n columns of `factor`, infinite where it is singular.
+/// Frobenius norm of the inverse of the triangle in the first n columns of `factor`, infinite where it is singular or not
+/// finite.
 pub fn inverse_norm(factor: &Mat<f64>, n: usize) -> f64 {
+    if (0..n).any(|i| !factor[(i, i)].is_finite()) {
+        return f64::INFINITY;
+    }
     let mut columns = vec![[0.0; 4]; n];
     let mut square = 0.0;
     wide(

@@ -63,7 +63,8 @@ impl Split {
         0.5 * linalg::mul_transpose(self.anchors.as_ref(), x).iter().map(|a| a * a).sum::<f64>()
     }
 
-    /// Triangular factor of the rows of `factor` (n x (n + 1)) and those of the prior at `x`.
+    /// Triangular factor of the first n rows of `factor` (n + 1 columns) and those of the prior at `x`; it, too, may have
+    /// rows behind these.
     fn stacked(&self, factor: Mat<f64>, x: &[f64]) -> Mat<f64> {
         let (n, m) = (x.len(), self.anchors.ncols());
         if m == 0 {
@@ -93,7 +94,7 @@ impl Split {
 pub struct Model {
     /// The split under which it was made.
     pub split: Split,
-    /// `[R, Q'(-r)]` of the stacked rows, n x (n + 1).
+    /// `[R, Q'(-r)]` of the stacked rows: n rows, or some more that mean nothing, n + 1 columns.
     factor: Mat<f64>,
     /// Column norms of the Jacobian, in which damping is measured without a prior.
     scale: Vec<f64>,
@@ -121,9 +122,10 @@ impl Model {
             Some(split) => split,
             None => Split::at(here, &factor, threshold, prior)?,
         };
+        let some = |norm: f64| if norm > 0.0 { norm } else { 1.0 };
         let scale = match prior {
             true => vec![1.0; n],
-            false => (0..n).map(|j| here.jac.col(j).norm_l2().max(f64::MIN_POSITIVE)).collect(),
+            false => (0..n).map(|j| some(here.jac.col(j).norm_l2())).collect(),
         };
         Some(Self { factor: split.stacked(factor, x), split, scale })
     }
