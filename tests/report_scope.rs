@@ -70,6 +70,27 @@ fn a_weight_of_nothing_is_refused() {
 }
 
 #[test]
+fn machines_that_no_posture_fits_and_those_of_another_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let (wrong, result) = (folder.path().join("wrong.json"), folder.path().join("r.json"));
+    let mut problem = json(&file("problems/hexapod-6ups.json"));
+    problem["units"]["length"] = json!("mm");
+    std::fs::write(&wrong, problem.to_string()).unwrap();
+    let ran = gough("identify {0} -o {1}", &[&wrong, &result]);
+    assert!(ran.stderr.contains("the file says mm, but its lengths look like m"), "{ran:?}");
+    let second = folder.path().join("s.json");
+    let ran = gough("identify {0} -o {1}", &[&result, &second]);
+    assert!(ran.status == 2 && ran.stderr.contains("this is a result (gough-result/1); expected"), "{ran:?}");
+    // The tool stands so far off that limbs meet at first, but not with what is made of it.
+    problem["units"]["length"] = json!("m");
+    problem["mechanism"]["tool"]["position"] = json!([0.0, 0.0, 900.0]);
+    std::fs::write(&wrong, problem.to_string()).unwrap();
+    let ran = gough("identify {0} -o {1}", &[&wrong, &second]);
+    assert!(ran.status == 2 && ran.stdout.is_empty() && !second.exists(), "{ran:?}");
+    assert!(ran.stderr.contains("no posture closes with the machine that they gave"), "{ran:?}");
+}
+
+#[test]
 fn a_page_without_standard_errors_speaks_of_no_intervals() {
     let folder = tempfile::tempdir().unwrap();
     let result = folder.path().join("r.json");

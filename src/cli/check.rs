@@ -4,18 +4,16 @@ use super::check_misfit::{misfit, others};
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
+use super::warnings::doubtful_size;
 use super::wording::counted;
 use crate::calibration::Sample;
 use crate::check::{Reading, repeats};
-use crate::files::units::LengthUnit;
 use crate::files::{DataPlaces, Output, ProblemFile, read_problem};
 use crate::model::{Joint, mobility};
 use nalgebra::Vector3;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Sizes of machines that people build, m.
-const SIZES: std::ops::Range<f64> = 0.003..60.0;
 /// Standard errors by which repeated postures may differ from the stated noise.
 const SURPRISE: f64 = 4.0;
 /// Stated noise, in terms of what repeats show, above which the ratio says nothing.
@@ -101,22 +99,13 @@ fn machine(problem: &ProblemFile, regularity: f64) -> String {
     text
 }
 
-/// Whether the machine is of a size that nobody builds, as with mm in a file that says m.
+/// Whether the machine is of a size that nobody builds.
 fn size(problem: &ProblemFile, text: &mut String) -> bool {
-    let size = problem.mechanism.characteristic_length();
-    if SIZES.contains(&size) {
-        return false;
+    let doubt = doubtful_size(problem);
+    if let Some(doubt) = &doubt {
+        let _ = writeln!(text, "\nsuspicious: {doubt}");
     }
-    let (stated, other) = match problem.units.length {
-        LengthUnit::Metre => ("m", "mm"),
-        LengthUnit::Millimetre => ("mm", "m"),
-    };
-    let _ = writeln!(
-        text,
-        "\nsuspicious: the machine as drawn has a size of {size:.3} m: the file says {stated}, but its lengths look like \
-         {other}; correct units.length"
-    );
-    true
+    doubt.is_some()
 }
 
 /// The readings of a sample alone.

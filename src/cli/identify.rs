@@ -117,6 +117,14 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             problem.file, found.report.identifier
         )));
     }
+    if let (0, Some(first)) = (found.rows, found.set_aside.first()) {
+        return Err(CliError::Usage(format!(
+            "{}: no posture closes with the machine that they gave (gough check looks for mistakes); {}: {}",
+            problem.file,
+            first.name,
+            reason(&first.reason, problem.units)
+        )));
+    }
     if let (true, Some(first)) = (args.require_all, found.set_aside.first()) {
         return Err(CliError::SetAside {
             file: problem.file.clone(),

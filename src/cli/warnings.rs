@@ -3,6 +3,7 @@
 use super::details::{SHOWN, digits};
 use super::summary::Summary;
 use super::wording::{counted, listed};
+use crate::files::{LengthUnit, ProblemFile};
 use crate::identify::Verdict;
 use crate::identify::run::NearSingular;
 use crate::model::Prior;
@@ -12,6 +13,24 @@ use crate::solve::{ActiveBound, Outcome};
 const FAR_OFF: f64 = 10.0;
 /// Tolerances, in rad or machine sizes, beyond which they are loose.
 const LOOSE: f64 = 0.03;
+
+/// Sizes of machines that people build, m.
+const SIZES: std::ops::Range<f64> = 0.003..60.0;
+
+/// What to say of a machine of a size that nobody builds, as with mm in a file that says m.
+pub fn doubtful_size(problem: &ProblemFile) -> Option<String> {
+    let size = problem.mechanism.characteristic_length();
+    let (stated, other) = match problem.units.length {
+        LengthUnit::Metre => ("m", "mm"),
+        LengthUnit::Millimetre => ("mm", "m"),
+    };
+    (!SIZES.contains(&size)).then(|| {
+        format!(
+            "the machine as drawn has a size of {size:.3} m: the file says {stated}, but its lengths look like {other}; \
+             correct units.length"
+        )
+    })
+}
 
 impl Summary<'_> {
     /// What deserves attention.
@@ -70,6 +89,9 @@ impl Summary<'_> {
                 listed(&self.shared)
             ));
         }
+        if let Some(doubt) = doubtful_size(self.problem) {
+            warnings.push(doubt);
+        }
         if !self.out_of_range.is_empty() {
             warnings.push(format!(
                 "readings outside the stated range of {}: are units, home and actuator order right?",
@@ -79,7 +101,7 @@ impl Summary<'_> {
         if let Some((ratio, name)) = self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF) {
             warnings.push(format!(
                 "{name} is {} tolerances off: if that cannot be, check units, home, directions of axes, actuator \
-                 order and how rotations are written",
+                 order and how rotations are written (gough check)",
                 digits(ratio)
             ));
         }

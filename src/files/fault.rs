@@ -16,6 +16,10 @@ pub enum Fault {
     NotJson(String),
     #[error("{0}")]
     Schema(String),
+    #[error(
+        "this is a result (gough-result/1); expected {expected}: give the problem from which it was made"
+    )]
+    Result { expected: &'static str },
     #[error("the format is {found}; expected {expected}")]
     Format { found: String, expected: &'static str },
 

@@ -244,7 +244,11 @@ impl Head {
     fn wrong(&self, file: &str, expected: &'static str) -> FileError {
         let found =
             self.format.as_ref().map_or_else(|| "not stated".into(), |found| quoted(&found.to_string()));
-        Place::file(file).key("format").error(Fault::Format { found, expected })
+        let fault = match self.format() {
+            Some(RESULT_FORMAT) => Fault::Result { expected },
+            _ => Fault::Format { found, expected },
+        };
+        Place::file(file).key("format").error(fault)
     }
 }
 
