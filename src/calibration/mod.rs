@@ -3,6 +3,7 @@
 mod approach;
 pub mod coordinates;
 pub mod limbwise;
+pub mod postures;
 pub mod problem;
 mod redundancy;
 pub mod rows;
@@ -10,5 +11,6 @@ pub mod sample;
 mod transforms;
 
 pub use coordinates::{Coordinates, LimbCoordinates};
+pub use postures::ByPosture;
 pub use problem::Calibration;
 pub use sample::{Postures, Sample, SetAside, close_at};

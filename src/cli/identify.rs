@@ -6,7 +6,7 @@ use super::progress::with_spinner;
 use super::ranges::{out_of_range, warn_of_home};
 use super::summary::{Summary, summary};
 use super::wording::{counted, not_identified, reason};
-use crate::calibration::Sample;
+use crate::calibration::{ByPosture, Sample};
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
 use crate::identify::score::{score, set_aside};
 use crate::identify::{
@@ -37,10 +37,10 @@ pub struct Args {
     /// Bounds of N times the tolerance on every component (identifiers that take bounds)
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     bounds: Option<String>,
-    /// Part of the samples to hold out, between 0 and 1, besides the problem's own hold-out
+    /// Part of the postures to hold out, between 0 and 1, besides the problem's own hold-out
     #[arg(long, value_name = "FRACTION", allow_negative_numbers = true)]
     holdout: Option<f64>,
-    /// Seed of the choice of held-out samples, and of the parts of --cross-validate
+    /// Seed of the choice of held-out postures, and of the parts of --cross-validate
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Predict each posture without it: number of parts, or loo for one posture at a time
@@ -91,10 +91,10 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     }
     let chosen = args.holdout.map(|fraction| (fraction, args.seed));
     let (training, mut holdout) = divided(&problem, chosen)?;
-    let folds =
-        args.cross_validate.as_deref().map(|text| folds(text, training.len(), args.seed)).transpose()?;
+    let postures = ByPosture::of(&training).count();
+    let folds = args.cross_validate.as_deref().map(|text| folds(text, postures, args.seed)).transpose()?;
     let stop = Stop::default();
-    let message = format!("identifying {} from {}", problem.name, counted(training.len(), "posture"));
+    let message = format!("identifying {} from {}", problem.name, counted(postures, "posture"));
     let outcome = with_spinner(message, || match problem.data.has_noise() {
         true => {
             identify(&problem.mechanism, &training, identifier.as_ref(), &stop).map(|found| (found, None))
@@ -199,15 +199,15 @@ fn not_done(problem: &ProblemFile, why: &IdentifyError) -> CliError {
     CliError::Identify { file: problem.file.clone(), why: not_identified(why, problem.units) }
 }
 
-/// How `samples` postures are divided for cross-validation.
-fn folds(text: &str, samples: usize, seed: u64) -> Result<Folds, CliError> {
-    if text == "loo" && samples > 1 {
+/// How so many postures are divided for cross-validation.
+fn folds(text: &str, postures: usize, seed: u64) -> Result<Folds, CliError> {
+    if text == "loo" && postures > 1 {
         return Ok(Folds::LeaveOneOut);
     }
     match text.parse::<usize>() {
-        Ok(count) if (2..=samples).contains(&count) => Ok(Folds::Parts { count, seed }),
+        Ok(count) if (2..=postures).contains(&count) => Ok(Folds::Parts { count, seed }),
         _ => Err(CliError::Usage(format!(
-            "--cross-validate {text}: give a number of parts from 2 to the {samples} postures there are, or loo"
+            "--cross-validate {text}: give a number of parts from 2 to the {postures} postures there are, or loo"
         ))),
     }
 }
@@ -285,7 +285,7 @@ fn configured(args: &Args) -> Result<Box<dyn Identifier>, CliError> {
     Ok(identifier)
 }
 
-/// Training samples and hold-out: the problem's own, and the fraction asked for, chosen by a seed.
+/// Training samples and hold-out: the problem's own, and the fraction of the postures asked for, chosen by a seed.
 pub(super) fn divided(
     problem: &ProblemFile,
     chosen: Option<(f64, u64)>,
@@ -296,11 +296,13 @@ pub(super) fn divided(
     if !(0.0..1.0).contains(&fraction) {
         return Err(CliError::Usage("--holdout must be at least 0 and below 1".into()));
     }
-    let mut order: Vec<usize> = (0..samples.len()).collect();
+    // By posture: samples of one share what is wrong with it, and would prove each other right.
+    let postures = ByPosture::of(samples);
+    let mut order: Vec<usize> = (0..postures.count()).collect();
     order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-    let count = (fraction * samples.len() as f64).round() as usize;
-    let mut held: Vec<usize> = order.into_iter().take(count.min(samples.len() - 1)).collect();
-    held.sort_unstable();
+    let count = (fraction * postures.count() as f64).round() as usize;
+    order.truncate(count.min(postures.count().saturating_sub(1)));
+    let held = postures.samples_of(&order);
     let (mut training, mut next) = (Vec::new(), held.iter().peekable());
     for (index, sample) in samples.iter().enumerate() {
         if next.next_if(|held| **held == index).is_some() {

@@ -3,7 +3,7 @@
 use super::covariance::weight;
 use super::run::{Identification, IdentifyError, identify};
 use super::score::{Fit, score_each};
-use crate::calibration::{Calibration, Sample};
+use crate::calibration::{ByPosture, Calibration, Sample};
 use crate::linalg;
 use crate::model::Geometry;
 use crate::problem::{EvalError, Form, Problem};
@@ -19,7 +19,7 @@ use rayon::prelude::*;
 /// shows: the prior's weights would change, and the fold is refitted.
 const DEPENDENT: f64 = 0.9;
 
-/// How the samples are divided.
+/// How the postures are divided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Folds {
     /// One posture at a time.
@@ -45,14 +45,14 @@ pub struct CrossValidation {
 }
 
 impl Folds {
-    /// Indices of each fold, ascending.
-    pub fn divide(self, samples: usize) -> Vec<Vec<usize>> {
+    /// Indices of the postures of each fold, ascending.
+    pub fn divide(self, postures: usize) -> Vec<Vec<usize>> {
         match self {
-            Folds::LeaveOneOut => (0..samples).map(|i| vec![i]).collect(),
+            Folds::LeaveOneOut => (0..postures).map(|i| vec![i]).collect(),
             Folds::Parts { count, seed } => {
-                let mut order: Vec<usize> = (0..samples).collect();
+                let mut order: Vec<usize> = (0..postures).collect();
                 order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-                let count = count.min(samples).max(1);
+                let count = count.min(postures).max(1);
                 let mut folds = vec![Vec::new(); count];
                 order.into_iter().enumerate().for_each(|(k, i)| folds[k % count].push(i));
                 folds.iter_mut().for_each(|fold| fold.sort_unstable());
@@ -72,10 +72,12 @@ pub fn cross_validate(
     stop: &Stop,
 ) -> Result<Option<CrossValidation>, IdentifyError> {
     let taking = found.taking_part(samples);
-    let folds = folds.divide(taking.len());
+    let postures = ByPosture::of(&taking);
+    let folds = folds.divide(postures.count());
     if folds.len() < 2 {
         return Ok(None);
     }
+    let folds: Vec<Vec<usize>> = folds.iter().map(|fold| postures.samples_of(fold)).collect();
     let linear = match found.report.estimate {
         Estimate::Other | Estimate::Decoupled { .. } => None,
         _ => Influence::new(found, &taking).ok(),

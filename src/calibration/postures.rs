@@ -1,0 +1,170 @@
+//! Which samples are of one posture: those whose actuator readings are equal.
+//!
+//! A posture is what an estimate learns from, what is held out, left out and counted: samples of one posture share
+//! whatever is wrong with it.
+
+use super::sample::Sample;
+use std::cmp::Ordering;
+use std::ops::Range;
+
+/// Samples by posture: postures in the order of their first samples, the samples of each in their own order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ByPosture {
+    /// Indices of the samples, posture by posture.
+    members: Vec<usize>,
+    /// Where each posture's members end.
+    ends: Vec<usize>,
+}
+
+impl ByPosture {
+    /// Groups samples by their actuator variables, and by those of the second posture where two are compared.
+    pub fn of(samples: &[Sample]) -> Self {
+        Self::of_readings(samples.len(), |i| {
+            samples.get(i).map_or((&[], None), |s| (&s.actuators, s.measurement.second()))
+        })
+    }
+
+    /// Groups `count` things by equal readings: of one posture, and of a second one where there is one.
+    pub fn of_readings<'a>(count: usize, readings: impl Fn(usize) -> (&'a [f64], Option<&'a [f64]>)) -> Self {
+        let compared = |a: usize, b: usize| {
+            let ((a, second_a), (b, second_b)) = (readings(a), readings(b));
+            compare(a, b).then_with(|| match (second_a, second_b) {
+                (Some(a), Some(b)) => compare(a, b),
+                (a, b) => a.is_some().cmp(&b.is_some()),
+            })
+        };
+        let mut sorted: Vec<usize> = (0..count).collect();
+        sorted.sort_by(|a, b| compared(*a, *b));
+        let same = |a: &usize, b: &usize| compared(*a, *b).is_eq();
+        if !sorted.windows(2).any(|pair| same(&pair[0], &pair[1])) {
+            return Self { members: (0..count).collect(), ends: (1..=count).collect() };
+        }
+        // The sort is stable: each group begins with its first sample.
+        let mut groups: Vec<&[usize]> = sorted.chunk_by(same).collect();
+        groups.sort_by_key(|group| group.first().copied());
+        let mut members = Vec::with_capacity(count);
+        let mut ends = Vec::with_capacity(groups.len());
+        for group in groups {
+            members.extend_from_slice(group);
+            ends.push(members.len());
+        }
+        Self { members, ends }
+    }
+
+    /// Number of postures.
+    pub fn count(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Number of samples.
+    pub fn sample_count(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Whether some posture has several samples.
+    pub fn has_several(&self) -> bool {
+        self.count() < self.sample_count()
+    }
+
+    fn range(&self, posture: usize) -> Range<usize> {
+        let start = posture.checked_sub(1).map_or(0, |before| self.ends[before]);
+        start..self.ends[posture]
+    }
+
+    /// Indices of the samples of each posture, ascending.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = &[usize]> {
+        (0..self.count()).map(|posture| &self.members[self.range(posture)])
+    }
+
+    /// Indices of all samples of these postures, ascending.
+    pub fn samples_of(&self, postures: &[usize]) -> Vec<usize> {
+        let all = postures.iter().filter(|posture| **posture < self.count());
+        let mut samples: Vec<usize> =
+            all.flat_map(|p| self.members[self.range(*p)].iter().copied()).collect();
+        samples.sort_unstable();
+        samples
+    }
+
+    /// Indices of the samples, so divided that no part has two of one posture: the first samples of all postures, the
+    /// second ones, and so on; ascending.
+    pub fn apart(&self) -> Vec<Vec<usize>> {
+        let most = self.iter().map(<[usize]>::len).max().unwrap_or(0);
+        let mut parts = vec![Vec::new(); most];
+        for group in self.iter() {
+            parts.iter_mut().zip(group).for_each(|(part, sample)| part.push(*sample));
+        }
+        parts.iter_mut().for_each(|part| part.sort_unstable());
+        parts
+    }
+}
+
+/// Numbers in order, -0 and 0 being one; equal only where all bits are.
+fn compare(a: &[f64], b: &[f64]) -> Ordering {
+    let mut each = a.iter().zip(b).map(|(a, b)| (a + 0.0).total_cmp(&(b + 0.0)));
+    each.find(|order| order.is_ne()).unwrap_or_else(|| a.len().cmp(&b.len()))
+}
+
+/// What a posture is called after the names of its samples: by the first and the last of several.
+pub fn posture_name(names: &[&str]) -> String {
+    match names {
+        [] => String::new(),
+        [only] => (*only).to_owned(),
+        [first, second] => format!("{first} and {second}"),
+        [first, .., last] => format!("{first} to {last} ({} samples)", names.len()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grouped(readings: &[(&[f64], Option<&[f64]>)]) -> Vec<Vec<usize>> {
+        let found = ByPosture::of_readings(readings.len(), |i| readings[i]);
+        assert_eq!(found.sample_count(), readings.len());
+        assert_eq!(found.iter().map(<[usize]>::len).sum::<usize>(), readings.len());
+        found.iter().map(<[usize]>::to_vec).collect()
+    }
+
+    #[test]
+    fn equal_readings_are_one_posture_wherever_they_stand() {
+        let (a, b): (&[f64], &[f64]) = (&[0.1, -2.0], &[0.1, 3.0]);
+        assert_eq!(
+            grouped(&[(b, None), (a, None), (b, None), (a, None), (b, None)]),
+            [vec![0, 2, 4], vec![1, 3]]
+        );
+        assert_eq!(grouped(&[(b, None), (a, None)]), [[0], [1]]);
+        assert_eq!(grouped(&[]), Vec::<Vec<usize>>::new());
+        // The last bit tells postures apart; the sign of zero does not.
+        let next: &[f64] = &[0.1_f64.next_up(), -2.0];
+        assert_eq!(grouped(&[(a, None), (next, None)]), [[0], [1]]);
+        assert_eq!(grouped(&[(&[0.0], None), (&[-0.0], None)]), [[0, 1]]);
+    }
+
+    #[test]
+    fn pairs_are_one_posture_only_with_both() {
+        let (a, b): (&[f64], &[f64]) = (&[1.0], &[2.0]);
+        assert_eq!(
+            grouped(&[(a, Some(b)), (a, None), (a, Some(a)), (a, Some(b))]),
+            [vec![0, 3], vec![1], vec![2]]
+        );
+    }
+
+    #[test]
+    fn postures_are_told_apart_and_gathered() {
+        let (a, b): (&[f64], &[f64]) = (&[1.0], &[2.0]);
+        let of = [a, b, a, a, b];
+        let found = ByPosture::of_readings(of.len(), |i| (of[i], None));
+        assert!(found.has_several());
+        assert_eq!(found.apart(), [vec![0, 1], vec![2, 4], vec![3]]);
+        assert_eq!(found.samples_of(&[1, 0]), [0, 1, 2, 3, 4]);
+        assert_eq!(found.samples_of(&[1, 7]), [1, 4]);
+    }
+
+    #[test]
+    fn grouping_many_samples_of_one_posture_is_not_quadratic() {
+        // A comparison of every pair would not end.
+        let same = [0.5; 6];
+        let found = ByPosture::of_readings(1_000_000, |_| (&same, None));
+        assert_eq!((found.count(), found.sample_count()), (1, 1_000_000));
+    }
+}
