@@ -58,6 +58,7 @@
 //! side; [`cli`] the commands.
 
 pub mod calibration;
+pub mod cells;
 pub mod check;
 pub mod cli;
 pub mod compare;

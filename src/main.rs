@@ -4,6 +4,11 @@ use clap::Parser;
 use gough::cli::dispatch::{Cli, Ending, run};
 use std::process::ExitCode;
 
+/// The message without control characters of the file that it quotes: they would act on the terminal.
+fn harmless(message: &str) -> String {
+    message.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
+}
+
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
@@ -18,7 +23,7 @@ fn main() -> ExitCode {
         Ok(Ending::Done) => ExitCode::SUCCESS,
         Ok(Ending::NotConverged | Ending::Suspicious) => ExitCode::from(1),
         Err(error) => {
-            eprintln!("error: {error}");
+            eprintln!("error: {}", harmless(&error.to_string()));
             ExitCode::from(2)
         }
     }

@@ -4,8 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every part of the library and the parts that it may use, besides itself.
-const LAYERS: [(&str, &[&str]); 19] = [
+const LAYERS: [(&str, &[&str]); 20] = [
     ("wide", &[]),
+    ("cells", &[]),
     ("lie", &[]),
     ("statistics", &[]),
     ("linalg", &["wide", "problem"]),
@@ -24,9 +25,9 @@ const LAYERS: [(&str, &[&str]); 19] = [
     // Plans postures; what it plans for and where it writes is not its business.
     ("design", &["lie", "linalg", "problem", "model", "measure", "calibration", "simulate", "identify"]),
     ("check", &["lie", "statistics", "model", "measure", "calibration", "simulate", "identify"]),
-    ("files", &["lie", "model", "measure", "calibration"]),
+    ("files", &["cells", "lie", "model", "measure", "calibration"]),
     // Figures and pages are data in, bytes out.
-    ("render", &[]),
+    ("render", &["cells"]),
     (
         "compare",
         &[
@@ -44,7 +45,7 @@ const LAYERS: [(&str, &[&str]); 19] = [
             "render",
         ],
     ),
-    ("formats", &["lie", "model", "files"]),
+    ("formats", &["cells", "lie", "model", "files"]),
     (
         "cli",
         &[

@@ -3,7 +3,9 @@
 use super::error::CliError;
 use super::{
     analyze, check, command, compare, export, identify, import, plan, predict, report, simulate, solvers,
+    threads,
 };
+use crate::files::ledger;
 use clap::{Parser, Subcommand};
 
 /// Kinematic calibration of parallel and serial manipulators.
@@ -56,6 +58,8 @@ pub enum Ending {
 
 /// Runs the command line.
 pub fn run(cli: &Cli) -> Result<Ending, CliError> {
+    ledger::open();
+    threads::prepare();
     match &cli.command {
         Command::Identify(args) => identify::run(args),
         Command::Analyze(args) => analyze::run(args),

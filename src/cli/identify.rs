@@ -21,7 +21,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use std::cmp::Ordering;
 use std::iter;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments.
 #[derive(Debug, clap::Args)]
@@ -63,11 +63,6 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let output = args.output.as_deref().map(|path| Output::named(Some(path)));
     if let Some(output) = &output {
         output.check()?;
-    }
-    if let Some(path) = &args.output
-        && same_file(path, &args.problem)
-    {
-        return Err(CliError::Usage(format!("-o {}: that is the problem file itself", path.display())));
     }
     let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
     problem.require_tolerances()?;
@@ -250,11 +245,6 @@ fn same_object(a: &Sample, b: &Sample) -> bool {
         _ => false,
     };
     referred && a.measurement.second() == b.measurement.second()
-}
-
-/// Whether both paths lead to one existing file.
-fn same_file(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// The identifier named, with the settings given.

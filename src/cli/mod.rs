@@ -24,6 +24,7 @@ pub mod result;
 pub mod simulate;
 pub mod solvers;
 pub mod summary;
+mod threads;
 pub mod warnings;
 pub mod wording;
 

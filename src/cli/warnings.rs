@@ -7,6 +7,7 @@ use crate::files::{LengthUnit, ProblemFile};
 use crate::identify::Verdict;
 use crate::identify::run::NearSingular;
 use crate::model::Prior;
+use crate::model::far::far_points;
 use crate::solve::{ActiveBound, Outcome};
 
 /// Tolerances beyond which a deviation is remarked on.
@@ -30,6 +31,28 @@ pub fn doubtful_size(problem: &ProblemFile) -> Option<String> {
              correct units.length"
         )
     })
+}
+
+/// What a tolerance of angle means at a point that is drawn far out along its axis, and where the point belongs.
+pub fn far_drawn(problem: &ProblemFile) -> Option<String> {
+    let far = far_points(&problem.mechanism);
+    let units = problem.units;
+    let length = |metres: f64| digits(units.from_metres(metres));
+    let first = far.first()?;
+    let places: Vec<String> = (far.iter())
+        .map(|far| {
+            let [x, y, z] = [far.foot.x, far.foot.y, far.foot.z].map(length);
+            format!("{} to [{x}, {y}, {z}]", far.joint)
+        })
+        .collect();
+    Some(format!(
+        "the point of {} is drawn {} {} out along its axis: a tolerance of angle there moves the machine by that lever; \
+         slide points along their axes to near the machine, which changes no motion: {}",
+        first.joint,
+        length(first.out),
+        units.length_symbol(),
+        listed(&places)
+    ))
 }
 
 impl Summary<'_> {
@@ -89,9 +112,11 @@ impl Summary<'_> {
                 listed(&self.shared)
             ));
         }
-        if let Some(doubt) = doubtful_size(self.problem) {
+        let far = far_drawn(self.problem);
+        if let Some(doubt) = doubtful_size(self.problem).filter(|_| far.is_none()) {
             warnings.push(doubt);
         }
+        warnings.extend(far);
         if !self.out_of_range.is_empty() {
             warnings.push(format!(
                 "readings outside the stated range of {}: are units, home and actuator order right?",

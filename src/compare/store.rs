@@ -1,7 +1,7 @@
 //! Result lines on disk: written as each run ends, read again to resume and to merge.
 
 use super::line::{RUN_FORMAT, RunKey, RunLine};
-use crate::files::{Fault, FileError, Location, json};
+use crate::files::{Fault, FileError, Location, json, ledger};
 use std::collections::{BTreeMap, HashMap};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
@@ -35,8 +35,12 @@ fn at_line(path: &Path, number: usize, fault: Fault) -> FileError {
 
 /// Reads a file of result lines.
 pub fn read(path: &Path) -> Result<Lines, FileError> {
-    let fail = |why| FileError::whole(path.display().to_string(), Fault::Read(why));
-    parse(path, &fs::read(path).map_err(fail)?)
+    ledger::reads(path)?;
+    parse(path, &bytes(path)?)
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, FileError> {
+    fs::read(path).map_err(|why| FileError::whole(path.display().to_string(), Fault::Read(why)))
 }
 
 fn parse(path: &Path, bytes: &[u8]) -> Result<Lines, FileError> {
@@ -68,6 +72,7 @@ impl Store {
     /// Opens the file, or makes it, and cuts off a torn last line. Returns the lines that it has.
     pub fn open(path: &Path) -> Result<(Self, Lines), FileError> {
         let fail = |why: std::io::Error| failed(path, why);
+        ledger::writes(path)?;
         let file = OpenOptions::new().append(true).create(true).open(path).map_err(fail)?;
         match file.try_lock() {
             Ok(()) => {}
@@ -75,7 +80,7 @@ impl Store {
             // Some file systems have no locks.
             Err(TryLockError::Error(_)) => {}
         }
-        let lines = read(path)?;
+        let lines = parse(path, &bytes(path)?)?;
         file.set_len(lines.whole).map_err(fail)?;
         Ok((Self { path: path.to_owned(), file }, lines))
     }

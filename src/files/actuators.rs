@@ -9,6 +9,7 @@ use super::place::Place;
 use super::problem::Model;
 use super::readings::variables;
 use super::table::{self, OtherColumns, PoseColumns, TableRequest};
+use crate::cells::inert;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::io;
@@ -66,7 +67,7 @@ struct Readings {
 /// A CSV file of readings in units of the file, one column for each actuator of these names.
 pub fn actuators_text(names: &[String], rows: &[Vec<f64>]) -> io::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(names)?;
+    writer.write_record(names.iter().map(|name| inert(name).into_owned()))?;
     for row in rows {
         writer.serialize(row)?;
     }
@@ -80,9 +81,11 @@ pub fn planned_text(
     rows: &[(Vec<f64>, Vec<String>)],
 ) -> io::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(names.iter().map(String::as_str).chain(named.iter().copied()))?;
-    for row in rows {
-        writer.serialize(row)?;
+    let heads = names.iter().map(String::as_str).chain(named.iter().copied());
+    writer.write_record(heads.map(|name| inert(name).into_owned()))?;
+    for (readings, names) in rows {
+        let names: Vec<_> = names.iter().map(|name| inert(name)).collect();
+        writer.serialize((readings, names))?;
     }
     writer.into_inner().map_err(|error| error.into_error())
 }

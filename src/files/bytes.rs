@@ -2,6 +2,7 @@
 
 use super::error::FileError;
 use super::fault::Fault;
+use super::ledger;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -19,6 +20,7 @@ pub(super) fn read_bytes(
     let name = path.display().to_string();
     let fail = |why| FileError::whole(name.clone(), Fault::Read(why));
     let mut file = File::open(path).map_err(fail)?;
+    ledger::reads(path)?;
     let mut bytes = Vec::new();
     (&mut file).take(FIRST_LOOK).read_to_end(&mut bytes).map_err(fail)?;
     look(&bytes)?;

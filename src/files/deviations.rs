@@ -1,6 +1,7 @@
 //! The deviations of a result as a plain table: a row a link, in units of the result.
 
 use super::result::ResultFile;
+use crate::cells::field;
 
 /// CSV: limb, link, rotation (rx, ry, rz) and translation (tx, ty, tz) in the frame of the joint that the link
 /// carries, then the standard errors of the six, empty where they are not known.
@@ -11,16 +12,12 @@ pub fn deviations_text(result: &ResultFile) -> String {
             d.rotation.iter().chain(&d.translation).map(|v| format!(",{v:?}")).collect::<String>()
         };
         let std = link.std.as_ref().map_or_else(|| ",".repeat(6), cells);
-        text.push_str(&format!("{},{}{}{std}\n", cell(&link.limb), cell(&link.link), cells(&link.deviation)));
+        text.push_str(&format!(
+            "{},{}{}{std}\n",
+            field(&link.limb),
+            field(&link.link),
+            cells(&link.deviation)
+        ));
     }
     text
-}
-
-/// A cell as CSV writes it.
-pub fn cell(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
 }

@@ -16,12 +16,13 @@ pub struct Location {
 
 impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.file)?;
-        match (self.path.is_empty(), self.name.is_empty()) {
+        let (path, name) = (one_line(&self.path), one_line(&self.name));
+        f.write_str(&one_line(&self.file))?;
+        match (path.is_empty(), name.is_empty()) {
             (true, true) => Ok(()),
-            (false, true) => write!(f, ": {}", self.path),
-            (true, false) => write!(f, ": {}", self.name),
-            (false, false) => write!(f, ": {} ({})", self.path, self.name),
+            (false, true) => write!(f, ": {path}"),
+            (true, false) => write!(f, ": {name}"),
+            (false, false) => write!(f, ": {path} ({name})"),
         }
     }
 }
@@ -54,10 +55,14 @@ impl std::error::Error for FileError {}
 /// Text of a file as it may be quoted in a message: one line, not too long.
 pub fn quoted(text: &str) -> String {
     const LONGEST: usize = 60;
-    let mut short: String =
-        text.chars().take(LONGEST).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    let mut short = one_line(&text.chars().take(LONGEST).collect::<String>());
     if text.chars().nth(LONGEST).is_some() {
         short.push_str("...");
     }
     format!("`{short}`")
+}
+
+/// The text without its control characters, which would act on a terminal or begin a line of their own.
+fn one_line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
 }

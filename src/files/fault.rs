@@ -8,6 +8,8 @@ pub enum Fault {
     Read(std::io::Error),
     #[error("cannot be written: {0}")]
     Write(String),
+    #[error("is read by this run and would be overwritten by its output; give -o another name")]
+    InputAndOutput,
     #[error("the file is empty")]
     Empty,
     #[error("larger than {0} MB: this is no such file")]
@@ -58,6 +60,8 @@ pub enum Fault {
     DuplicateName(String),
     #[error("the name is empty; leave it out or fill it in")]
     EmptyName,
+    #[error("the name {name} has a control character (U+{code:04X}); remove it")]
+    ControlCharacter { name: String, code: u32 },
     #[error("unknown joint type {found}; known types: {known}")]
     UnknownType { found: String, known: String },
     #[error("a {kind} joint has {wanted}: give \"{key}\"")]

@@ -2,6 +2,7 @@
 
 use super::error::{FileError, quoted};
 use super::fault::Fault;
+use super::name;
 use super::place::Place;
 use super::tolerance::{BoundsDrawing, Spread, ToleranceDrawing, limit, prior};
 use super::units::{Units, limited};
@@ -115,6 +116,7 @@ impl InstrumentDrawing {
         let list = at.key("targets");
         for (name, t) in &self.targets {
             let here = list.key(name);
+            name::check(name, &here)?;
             let point =
                 read.point("target", name, t.offset, t.tolerance, t.bounds, units, &here, "offset")?;
             read.targets.push((name.clone(), point));
@@ -122,18 +124,23 @@ impl InstrumentDrawing {
         let list = at.key("points");
         for (name, p) in &self.points {
             let here = list.key(name);
+            name::check(name, &here)?;
             let point =
                 read.point("point", name, p.position, p.tolerance, p.bounds, units, &here, "position")?;
             read.points.push((name.clone(), point));
         }
         let list = at.key("planes");
         for (name, plane) in &self.planes {
-            let plane = read.plane(name, plane, units, &list.key(name))?;
+            let here = list.key(name);
+            name::check(name, &here)?;
+            let plane = read.plane(name, plane, units, &here)?;
             read.planes.push((name.clone(), plane));
         }
         let list = at.key("gauges");
         for (name, gauge) in &self.gauges {
-            let gauge = read.gauge(name, gauge, units, &list.key(name))?;
+            let here = list.key(name);
+            name::check(name, &here)?;
+            let gauge = read.gauge(name, gauge, units, &here)?;
             read.gauges.push((name.clone(), gauge));
         }
         Ok(read)

@@ -3,6 +3,7 @@
 use super::drawing::{JointDrawing, LimbDrawing, MechanismDrawing};
 use super::error::{FileError, Location, quoted};
 use super::fault::Fault;
+use super::name;
 use super::place::Place;
 use super::tolerance::{BoundsDrawing, ToleranceDrawing};
 use super::units::Units;
@@ -182,11 +183,9 @@ impl Chain<'_> {
     }
 }
 
-/// Refuses an empty name, and one that is taken.
+/// Refuses a name that is none, and one that is taken.
 fn check_name(name: &str, taken: &mut HashSet<String>, at: &Place<'_>) -> Result<(), FileError> {
-    if name.trim().is_empty() {
-        return Err(at.key("name").error(Fault::EmptyName));
-    }
+    name::check(name, &at.key("name"))?;
     if !taken.insert(name.to_owned()) {
         return Err(at.key("name").error(Fault::DuplicateName(quoted(name))));
     }

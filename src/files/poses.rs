@@ -3,6 +3,7 @@
 use super::json;
 use super::pose::PoseDrawing;
 use super::units::Units;
+use crate::cells::inert;
 use crate::lie::Se3;
 use nalgebra::Matrix6;
 use serde::Serialize;
@@ -106,7 +107,8 @@ fn text(
             let pose_names = ["x", "y", "z", "rx", "ry", "rz"];
             let std_names = ["sx", "sy", "sz", "srx", "sry", "srz"];
             let std_names = std_names.iter().copied().filter(|_| covariances.is_some());
-            writer.write_record(actuators.iter().map(String::as_str).chain(pose_names).chain(std_names))?;
+            let names = actuators.iter().map(String::as_str).chain(pose_names).chain(std_names);
+            writer.write_record(names.map(|name| inert(name).into_owned()))?;
             for (k, (readings, pose)) in poses.iter().enumerate() {
                 let (position, rotation) = units.from_pose(pose);
                 let mut row: Vec<f64> = readings.iter().copied().chain(position).chain(rotation).collect();

@@ -10,6 +10,7 @@ use super::fault::Fault;
 use super::instrument::{Instrument, true_constants};
 use super::json;
 use super::machine::Drawn;
+use super::name;
 use super::place::Place;
 use super::result::{RESULT_FORMAT, ResultFile};
 use super::uncertainty::LinkUncertainty;
@@ -141,6 +142,9 @@ pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<P
     let drawing: ProblemDrawing = json::parse(&file, bytes)?;
     let units = drawing.units;
     let at = Place::file(&file);
+    if let Some(name) = &drawing.name {
+        name::check(name, &at.key("name"))?;
+    }
     let Drawn { mut mechanism, without_tolerance } = drawing.mechanism.read(units, &at.key("mechanism"))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let at_data = at.key("data");
@@ -206,6 +210,7 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
         }
         _ => return Err(head.wrong(&file, "gough-problem/1 or gough-result/1")),
     };
+    name::check_characters(&name, &at.key("name"))?;
     let mechanism = mechanism.read(units, &at.key("mechanism"))?.mechanism;
     let links = mechanism.component_count() / 6;
     let at_uncertainty = at.key("uncertainty");

@@ -6,6 +6,7 @@ use super::error::{FileError, quoted};
 use super::fault::Fault;
 use super::place::Place;
 use super::pose::PoseDrawing;
+use crate::cells::original;
 use csv::StringRecord;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -99,7 +100,7 @@ fn checked_header(reader: &mut csv::Reader<&[u8]>, whole: &Place<'_>) -> Result<
     {
         return Err(whole.line(1).error(Fault::Separator(separator)));
     }
-    Ok(header)
+    Ok(header.iter().map(original).collect())
 }
 
 /// The rows that count of the table that `bytes` of the file called `file` hold.

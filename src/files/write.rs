@@ -2,6 +2,7 @@
 
 use super::error::FileError;
 use super::fault::Fault;
+use super::ledger;
 use std::fs;
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -62,11 +63,13 @@ fn is_special(path: &Path) -> bool {
 
 /// Refuses a path that cannot be written; nothing is left behind.
 pub fn check_writable(path: &Path) -> Result<(), FileError> {
+    ledger::writes(path)?;
     if is_special(path) { Ok(()) } else { prepare(path).map(drop) }
 }
 
 /// Writes `bytes` to a temporary file in the folder of `path` and moves it there in one step.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    ledger::writes(path)?;
     if is_special(path) {
         return fs::write(path, bytes).map_err(|why| failed(path, why));
     }

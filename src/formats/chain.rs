@@ -56,7 +56,43 @@ impl Axis {
     }
 }
 
+/// A point is slid along its axis where it lies farther from the machine than this many sizes of the machine.
+const FAR: f64 = 3.0;
+
 impl Chain {
+    /// The same chain with points that lie far out slid along their axes to the foot of the perpendicular from the point
+    /// before, and words about each.
+    ///
+    /// Where axes are nearly parallel, a Denavit-Hartenberg table puts its frames at their common normal, hundreds of
+    /// metres away. No motion depends on where along its axis a point lies, but a link's deviation is stated there: a
+    /// tolerance of angle would move the machine by as much as the lever is long.
+    pub fn gathered(mut self, units: Units) -> (Self, Vec<String>) {
+        let mut from = Vector3::zeros();
+        let feet: Vec<Vector3<f64>> = (self.axes.iter())
+            .map(|axis| {
+                let z = axis.direction();
+                from = axis.frame.p + z * z.dot(&(from - axis.frame.p));
+                from
+            })
+            .collect();
+        let reach = feet.iter().chain([&self.tool.p]).map(|p| p.norm()).fold(0.0, f64::max);
+        let mut notes = Vec::new();
+        for (axis, foot) in self.axes.iter_mut().zip(feet) {
+            let slid = (axis.frame.p - foot).norm();
+            if slid > FAR * reach {
+                axis.frame.p = foot;
+                notes.push(format!(
+                    "the point of {} lay {:.4} {} out along its axis, nearly parallel to its neighbour; it is drawn at the \
+                     foot of the perpendicular from the axis before, which changes no motion",
+                    axis.name,
+                    units.from_metres(slid),
+                    units.length_symbol(),
+                ));
+            }
+        }
+        (self, notes)
+    }
+
     /// The chain of a machine of one limb, for a format of this name, which has neither loops nor screws.
     pub fn of(mechanism: &Mechanism, format: &'static str) -> Result<Self, Wrong> {
         let not_serial = |found| Wrong::NotSerial { format, found };

@@ -35,8 +35,16 @@ pub enum Wrong {
 
     #[error("link {link} is the child of two joints, {first} and {second}; a URDF is a tree")]
     TwoParents { link: String, first: String, second: String },
-    #[error("no chain leads from link {base} to link {tool}; above {tool} are {above}")]
-    NoChain { base: String, tool: String, above: String },
+    #[error(
+        "no chain leads from link {base} to link {tool}: no link is above both; above {base} are {above_base}, above {tool} \
+         {above_tool}"
+    )]
+    NoChain { base: String, tool: String, above_base: String, above_tool: String },
+    #[error(
+        "the chain goes up from link {base} through joint {joint}, whose origin is then no place of the machine's axes \
+         alone; leave --template out for a URDF of the chain by itself"
+    )]
+    Upwards { base: String, joint: String },
     #[error("the chain from {base} to {tool} has no moving joint")]
     NothingMoves { base: String, tool: String },
     #[error(

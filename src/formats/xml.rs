@@ -17,6 +17,10 @@ impl<'a> Xml<'a> {
     pub fn parse(file: &'a str, text: &'a str, root: &'static str) -> Result<Self, FormatError> {
         let whole = |wrong| FormatError { at: file.to_owned(), wrong };
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+        if text.trim_start().starts_with("<?xml") && !text.starts_with("<?xml") {
+            let why = "blanks or an empty line stand before <?xml ...?>, which must come first; remove them";
+            return Err(whole(Wrong::NotXml(why.into())));
+        }
         let document = Document::parse(text).map_err(|why| whole(Wrong::NotXml(why.to_string())))?;
         let found = document.root_element().tag_name().name();
         if found != root {

@@ -2,6 +2,7 @@
 
 pub mod closure;
 pub mod command;
+pub mod far;
 pub mod instrument;
 pub mod inverse;
 pub mod joint;

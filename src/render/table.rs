@@ -1,6 +1,7 @@
 //! Tables as plain data, and as HTML, Markdown and CSV.
 
 use super::text::{digits, escaped};
+use crate::cells::field;
 
 /// A column of a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -134,7 +135,7 @@ impl Table {
     pub fn csv(&self) -> String {
         let mut out = String::new();
         let mut line = |cells: &mut dyn Iterator<Item = String>| {
-            let cells: Vec<String> = cells.map(|text| quoted(&text)).collect();
+            let cells: Vec<String> = cells.map(|text| field(&text)).collect();
             out.push_str(&cells.join(","));
             out.push('\n');
         };
@@ -152,14 +153,6 @@ impl Table {
 
 fn class(column: &Column) -> &'static str {
     if column.number { " class=\"number\"" } else { "" }
-}
-
-/// A field as RFC 4180 has it.
-fn quoted(text: &str) -> String {
-    match text.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_owned(),
-    }
 }
 
 #[cfg(test)]

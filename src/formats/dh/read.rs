@@ -20,12 +20,13 @@ pub fn read(file: &str, text: &str, convention: Convention, units: Units) -> Res
         Convention::Standard => "standard",
         Convention::Modified => "modified",
     };
+    let (chain, notes) = chain(&rows, convention).gathered(units);
     Ok(Imported {
         name: None,
         description: format!("Denavit-Hartenberg table, {name} convention; home is the zero of all joints."),
         units,
-        mechanism: chain(&rows, convention).draw(LIMB, units),
-        notes: Vec::new(),
+        mechanism: chain.draw(LIMB, units),
+        notes,
     })
 }
 

@@ -2,7 +2,8 @@
 
 use super::read::COLUMNS;
 use super::row::{Convention, Row, RowKind, chain};
-use crate::files::{Units, cell};
+use crate::cells::field;
+use crate::files::Units;
 use crate::formats::xml::turn;
 use crate::formats::{Chain, Wrong};
 use crate::lie::Se3;
@@ -225,7 +226,7 @@ impl Table {
             .map(|v| if v.abs() < ROUNDING { "0".to_owned() } else { format!("{v:?}") });
             text.push_str(&format!(
                 "{},{},{},{range}\n",
-                cell(&row.name),
+                field(&row.name),
                 row.kind.letter(),
                 numbers.join(",")
             ));

@@ -18,22 +18,24 @@ pub fn read(file: &str, text: &str, base: &str, tool: &str) -> Result<Imported, 
     let mut at = Se3::identity();
     let mut axes = Vec::new();
     for joint in chain(&xml, base, tool)? {
-        at = at * joint.origin;
+        at = at * joint.before();
         if let Some(motion) = joint.motion {
-            let mut axis = Axis::new(joint.name.to_owned(), motion, at.p, &(at.r * joint.axis));
+            let mut axis = Axis::new(joint.name.to_owned(), motion, at.p, &(at.r * joint.leading_axis()));
             axis.range = joint.range;
             axes.push(axis);
         }
+        at = at * joint.behind();
     }
     if axes.is_empty() {
         return Err(xml.whole(Wrong::NothingMoves { base: quoted(base), tool: quoted(tool) }));
     }
     let name = xml.document.root_element().attribute("name").map(str::to_owned);
+    let (chain, notes) = Chain { axes, tool: at }.gathered(Units::SI);
     Ok(Imported {
         name,
         description: format!("Links {base} to {tool} of a URDF; home is the zero of all joints."),
         units: Units::SI,
-        mechanism: Chain { axes, tool: at }.draw(LIMB, Units::SI),
-        notes: Vec::new(),
+        mechanism: chain.draw(LIMB, Units::SI),
+        notes,
     })
 }

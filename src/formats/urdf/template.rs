@@ -2,7 +2,7 @@
 
 use super::tree::{ChainJoint, chain};
 use super::{escaped, origin_element};
-use crate::formats::error::FormatError;
+use crate::formats::error::{FormatError, quoted};
 use crate::formats::xml::{Xml, child, shortest_turn};
 use crate::formats::{Axis, Chain, Wrong};
 use crate::lie::Se3;
@@ -31,6 +31,10 @@ pub fn rewrite(
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let machine = Chain::of(mechanism, "URDF").map_err(|wrong| xml.whole(wrong))?;
     let joints = chain(&xml, base, tool)?;
+    if let Some(joint) = joints.iter().find(|joint| joint.upwards) {
+        let (base, joint) = (quoted(base), quoted(joint.name));
+        return Err(xml.whole(Wrong::Upwards { base, joint }));
+    }
     check_names(&joints, &machine).map_err(|wrong| xml.whole(wrong))?;
     let moved = registration(&joints, &machine);
     let mut edits = Vec::new();

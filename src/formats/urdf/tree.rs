@@ -17,16 +17,35 @@ pub struct ChainJoint<'a, 'i> {
     pub motion: Option<Motion>,
     /// Of the joint's frame in the parent link.
     pub origin: Se3,
+    /// Whether the chain leads from the child link to the parent link.
+    pub upwards: bool,
     /// Unit vector in the joint's frame.
     pub axis: Vector3<f64>,
     pub range: Option<(f64, f64)>,
 }
 
-/// The joints from link `base` to link `tool`.
+impl ChainJoint<'_, '_> {
+    /// From the link where the chain comes from to the joint's frame.
+    pub fn before(&self) -> Se3 {
+        if self.upwards { Se3::identity() } else { self.origin }
+    }
+
+    /// From the joint's frame, moved, to the link where the chain goes on.
+    pub fn behind(&self) -> Se3 {
+        if self.upwards { self.origin.inverse() } else { Se3::identity() }
+    }
+
+    /// The axis about or along which what follows moves with the joint's reading.
+    pub fn leading_axis(&self) -> Vector3<f64> {
+        if self.upwards { -self.axis } else { self.axis }
+    }
+}
+
+/// The joints from link `base` to link `tool`: up to the link that is above both, and down from there.
 pub fn chain<'a, 'i>(
     xml: &'a Xml<'i>,
-    base: &str,
-    tool: &str,
+    base: &'a str,
+    tool: &'a str,
 ) -> Result<Vec<ChainJoint<'a, 'i>>, FormatError> {
     let robot = xml.document.root_element();
     if let Some(source) =
@@ -75,26 +94,43 @@ pub fn chain<'a, 'i>(
             return Err(xml.error(node, Wrong::TwoParents { link, first, second }));
         }
     }
-    let mut joints = Vec::new();
-    let (mut at, mut passed) = (tool, Vec::new());
-    while at != base {
-        match above.get(at) {
-            // More joints than there are: they lead round.
-            Some((node, parent)) if joints.len() < names.len() => {
-                joints.push(*node);
-                passed.push(*parent);
-                at = parent;
-            }
-            _ => {
-                let above = listed(passed.into_iter());
-                return Err(xml.whole(Wrong::NoChain { base: quoted(base), tool: quoted(tool), above }));
-            }
+    // The links from one up to the root, each with the joint above it.
+    let way = |from: &'a str| {
+        let mut way: Vec<(&str, Option<Node<'a, 'i>>)> = Vec::new();
+        let mut at = from;
+        // A way longer than there are joints leads round.
+        while let Some((joint, parent)) = above.get(at).filter(|_| way.len() < names.len()) {
+            way.push((at, Some(*joint)));
+            at = parent;
         }
-    }
-    joints.into_iter().rev().map(|node| read_joint(xml, node)).collect()
+        way.push((at, None));
+        way
+    };
+    let (up, down) = (way(base), way(tool));
+    let met = up
+        .iter()
+        .enumerate()
+        .find_map(|(i, (link, _))| down.iter().position(|(other, _)| other == link).map(|j| (i, j)));
+    let Some((i, j)) = met else {
+        let above = |way: &[(&str, Option<Node<'a, 'i>>)]| listed(way.iter().skip(1).map(|(link, _)| *link));
+        let (base, tool) = (quoted(base), quoted(tool));
+        return Err(xml.whole(Wrong::NoChain {
+            base,
+            tool,
+            above_base: above(&up),
+            above_tool: above(&down),
+        }));
+    };
+    let climbed = up[..i].iter().filter_map(|(_, joint)| joint.map(|joint| (joint, true)));
+    let descended = down[..j].iter().rev().filter_map(|(_, joint)| joint.map(|joint| (joint, false)));
+    climbed.chain(descended).map(|(node, upwards)| read_joint(xml, node, upwards)).collect()
 }
 
-fn read_joint<'a, 'i>(xml: &Xml<'i>, node: Node<'a, 'i>) -> Result<ChainJoint<'a, 'i>, FormatError> {
+fn read_joint<'a, 'i>(
+    xml: &Xml<'i>,
+    node: Node<'a, 'i>,
+    upwards: bool,
+) -> Result<ChainJoint<'a, 'i>, FormatError> {
     let name = node.attribute("name").unwrap_or_default();
     let kind = node.attribute("type").ok_or_else(|| xml.error(node, Wrong::NoAttribute("type")))?;
     let motion = match kind {
@@ -111,7 +147,8 @@ fn read_joint<'a, 'i>(xml: &Xml<'i>, node: Node<'a, 'i>) -> Result<ChainJoint<'a
         None => Se3::identity(),
         Some(origin) => place(xml, origin)?,
     };
-    let axis = match child(node, "axis") {
+    // The axis of a fixed joint means nothing.
+    let axis = match child(node, "axis").filter(|_| motion.is_some()) {
         Some(axis) => xml.direction(axis, "xyz")?.unwrap_or(Vector3::x()),
         None => Vector3::x(),
     };
@@ -127,7 +164,7 @@ fn read_joint<'a, 'i>(xml: &Xml<'i>, node: Node<'a, 'i>) -> Result<ChainJoint<'a
     if let Some((low, high)) = range.filter(|(low, high)| low > high) {
         return Err(xml.error(node, Wrong::RangeOrder(low, high)));
     }
-    Ok(ChainJoint { node, name, motion, origin, axis, range })
+    Ok(ChainJoint { node, name, motion, origin, upwards, axis, range })
 }
 
 fn place(xml: &Xml<'_>, origin: Node<'_, '_>) -> Result<Se3, FormatError> {
