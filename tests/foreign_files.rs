@@ -44,7 +44,9 @@ fn urdf() {
             "<parent link=\"l4\"/>\n    <child link=\"l5\"/>",
             "<parent link=\"tool\"/>\n    <child link=\"l5\"/>",
         ),
-        &["no chain leads from link `world` to link `tool`; above `tool` are `l6`, `l5`"],
+        &[
+            "no chain leads from link `world` to link `tool`; above `world` are none; above `tool` are `l6`, `l5`",
+        ],
     );
     refused(("rpy=\"1.2 -1.1 0.6\"", "rpy=\"1.2 -1.1\""), &["`rpy` is `1.2 -1.1`; 3 numbers expected"]);
     refused(("rpy=\"1.2 -1.1 0.6\"", "rpy=\"1.2 nan 0.6\""), &["finite numbers"]);

@@ -36,8 +36,7 @@ pub enum Wrong {
     #[error("link {link} is the child of two joints, {first} and {second}; a URDF is a tree")]
     TwoParents { link: String, first: String, second: String },
     #[error(
-        "no chain leads from link {base} to link {tool}: no link is above both; above {base} are {above_base}, above {tool} \
-         {above_tool}"
+        "no chain leads from link {base} to link {tool}; above {base} are {above_base}; above {tool} are {above_tool}"
     )]
     NoChain { base: String, tool: String, above_base: String, above_tool: String },
     #[error(

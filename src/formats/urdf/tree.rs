@@ -98,12 +98,14 @@ pub fn chain<'a, 'i>(
     let way = |from: &'a str| {
         let mut way: Vec<(&str, Option<Node<'a, 'i>>)> = Vec::new();
         let mut at = from;
-        // A way longer than there are joints leads round.
-        while let Some((joint, parent)) = above.get(at).filter(|_| way.len() < names.len()) {
+        // Joints may lead round.
+        while let Some((joint, parent)) = above.get(at).filter(|_| way.iter().all(|(link, _)| *link != at)) {
             way.push((at, Some(*joint)));
             at = parent;
         }
-        way.push((at, None));
+        if !way.iter().any(|(link, _)| *link == at) {
+            way.push((at, None));
+        }
         way
     };
     let (up, down) = (way(base), way(tool));
