@@ -26,8 +26,11 @@ pub struct WholePose {
 }
 
 impl WholePose {
-    /// What was measured of `sample`; `None` where it is less than a whole pose.
-    pub fn of(sample: &Sample) -> Option<Self> {
+    /// What was measured of `sample`, one of `count` of its posture; `None` where it is less than a whole pose.
+    ///
+    /// A limb sees samples one by one. What the samples of a posture have in common is given to each of them so many
+    /// times that their mean has it once.
+    pub fn of(sample: &Sample, count: usize) -> Option<Self> {
         let measured = *sample.measurement.pose()?;
         if sample.measurement.rows() != 6 {
             return None;
@@ -35,6 +38,9 @@ impl WholePose {
         // At the measured pose itself the derivative is the whitening matrix.
         let mut there = Evaluation::default();
         sample.measurement.evaluate(&View::of_tool(&measured), &mut there);
+        if let Some(common) = sample.measurement.posture_noise() {
+            common.scaled((count as f64).sqrt()).whiten(&mut there);
+        }
         let root = Matrix6::from_fn(|i, j| there.rows[i].by_tool[j]).try_inverse()?;
         Some(Self { measured, root: std::array::from_fn(|i| std::array::from_fn(|j| root[(i, j)])) })
     }

@@ -2,6 +2,7 @@
 
 mod approach;
 pub mod coordinates;
+pub mod evaluate;
 pub mod limbwise;
 pub mod postures;
 pub mod problem;
@@ -11,6 +12,7 @@ pub mod sample;
 mod transforms;
 
 pub use coordinates::{Coordinates, LimbCoordinates};
+pub use evaluate::PostureRows;
 pub use postures::ByPosture;
 pub use problem::Calibration;
 pub use sample::{Postures, Sample, SetAside, close_at};

@@ -86,9 +86,9 @@ impl ByPosture {
     }
 
     /// Indices of the samples, so divided that no part has two of one posture: the first samples of all postures, the
-    /// second ones, and so on; ascending.
+    /// second ones, and so on; ascending. One part at least.
     pub fn apart(&self) -> Vec<Vec<usize>> {
-        let most = self.iter().map(<[usize]>::len).max().unwrap_or(0);
+        let most = self.iter().map(<[usize]>::len).max().unwrap_or(1);
         let mut parts = vec![Vec::new(); most];
         for group in self.iter() {
             parts.iter_mut().zip(group).for_each(|(part, sample)| part.push(*sample));
@@ -96,6 +96,16 @@ impl ByPosture {
         parts.iter_mut().for_each(|part| part.sort_unstable());
         parts
     }
+}
+
+/// The samples themselves, posture by posture.
+pub fn by_posture<'s>(samples: &'s [Sample]) -> Vec<Vec<&'s Sample>> {
+    ByPosture::of(samples).iter().map(|of| of.iter().map(|i| &samples[*i]).collect()).collect()
+}
+
+/// The sample by which a posture is closed: a whole pose tells its assembly mode; where none was measured, the first.
+pub fn telling<'s>(samples: impl Iterator<Item = &'s Sample> + Clone) -> Option<&'s Sample> {
+    samples.clone().find(|sample| sample.measurement.pose().is_some()).or_else(|| samples.clone().next())
 }
 
 /// Numbers in order, -0 and 0 being one; equal only where all bits are.

@@ -1,7 +1,9 @@
 //! The calibration problem: whitened pose errors by link deviations, loops closed.
 
 use super::coordinates::Coordinates;
+use super::evaluate::PostureRows;
 use super::limbwise::{LimbProblem, LimbStart, WholePose};
+use super::postures::{ByPosture, telling};
 use super::rows::RowWriter;
 use super::sample::{Postures, Sample, SetAside};
 use crate::linalg::{RowBlock, RowStream};
@@ -11,18 +13,33 @@ use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part
 use crate::wide::narrow;
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
+use std::iter;
 use std::ops::Range;
 
 /// Postures that one thread takes at a time; fixed, so that results do not depend on how many threads there are.
 const CHUNK: usize = 128;
 
-/// A sample and the joint variables from which its closure starts.
+/// A measured posture and the joint variables from which its closure starts.
 #[derive(Clone, Debug)]
 struct Start<'a> {
+    /// The first of its samples.
     sample: &'a Sample,
+    /// The others.
+    others: Vec<&'a Sample>,
     turns: Vec<Turn>,
     /// Of the second posture; empty where there is one.
     second: Vec<Turn>,
+}
+
+impl<'a> Start<'a> {
+    fn samples(&self) -> impl Iterator<Item = &'a Sample> {
+        iter::once(self.sample).chain(self.others.iter().copied())
+    }
+
+    /// Number of residuals.
+    fn rows(&self) -> usize {
+        self.samples().map(|sample| sample.measurement.rows()).sum()
+    }
 }
 
 /// A machine with measurements, in the coordinates of one [`Form`].
@@ -72,30 +89,40 @@ impl<'a> Calibration<'a> {
             let second = if two { postures.second.turns().to_vec() } else { Vec::new() };
             Ok((postures.first.turns().to_vec(), second))
         };
-        type Turns = (Vec<Turn>, Vec<Turn>);
-        let named = |postures: &mut Postures, (index, sample): (usize, &'a Sample)| {
-            close(postures, sample).map_err(|reason| SetAside {
-                sample: index,
-                name: sample.name.clone(),
-                reason,
-            })
+        let of_posture = |postures: &mut Postures, of: &[usize]| -> Result<Start<'a>, Vec<SetAside>> {
+            let named = |reason: NotClosed| {
+                let aside = |i: &usize| SetAside {
+                    sample: *i,
+                    name: samples[*i].name.clone(),
+                    reason: reason.clone(),
+                };
+                of.iter().map(aside).collect::<Vec<_>>()
+            };
+            let all = of.iter().map(|i| &samples[*i]);
+            let Some((first, telling)) = of.first().zip(telling(all)) else { return Err(Vec::new()) };
+            let (turns, second) = close(postures, telling).map_err(named)?;
+            let others = of[1..].iter().map(|i| &samples[*i]).collect();
+            Ok(Start { sample: &samples[*first], others, turns, second })
         };
+        let by_posture = ByPosture::of(samples);
         let new = || self.home.clone();
-        let closed: Vec<Result<Turns, SetAside>> = if self.mechanism.is_open_chain() {
+        let closed: Vec<Result<Start<'a>, Vec<SetAside>>> = if self.mechanism.is_open_chain() {
             // Nothing to close: sharing the work among threads would cost more than it.
             let mut postures = new();
-            samples.iter().enumerate().map(|at| named(&mut postures, at)).collect()
+            by_posture.iter().map(|of| of_posture(&mut postures, of)).collect()
         } else {
-            samples.par_iter().enumerate().map_init(new, named).collect()
+            let each: Vec<&[usize]> = by_posture.iter().collect();
+            each.par_iter().map_init(new, |postures, of| of_posture(postures, of)).collect()
         };
         self.starts.clear();
         self.set_aside.clear();
-        for (sample, outcome) in samples.iter().zip(closed) {
+        for outcome in closed {
             match outcome {
-                Ok((turns, second)) => self.starts.push(Start { sample, turns, second }),
-                Err(set_aside) => self.set_aside.push(set_aside),
+                Ok(start) => self.starts.push(start),
+                Err(set_aside) => self.set_aside.extend(set_aside),
             }
         }
+        self.set_aside.sort_by_key(|aside| aside.sample);
     }
 
     /// Samples that take no part, and why.
@@ -105,7 +132,17 @@ impl<'a> Calibration<'a> {
 
     /// Number of samples that take part.
     pub fn sample_count(&self) -> usize {
+        self.starts.iter().map(|start| 1 + start.others.len()).sum()
+    }
+
+    /// Number of postures that take part.
+    pub fn posture_count(&self) -> usize {
         self.starts.len()
+    }
+
+    /// Names of the samples of each posture that takes part.
+    pub fn names_of_postures(&self) -> impl Iterator<Item = Vec<&'a str>> + '_ {
+        self.starts.iter().map(|start| start.samples().map(|sample| sample.name.as_str()).collect())
     }
 
     /// The coordinates.
@@ -115,15 +152,15 @@ impl<'a> Calibration<'a> {
 
     /// Number of residuals of the samples that take part.
     pub fn rows(&self) -> usize {
-        self.starts.iter().map(|start| start.sample.measurement.rows()).sum()
+        self.starts.iter().map(Start::rows).sum()
     }
 
-    /// Number of residuals of each sample that takes part.
-    pub fn rows_of_samples(&self) -> impl Iterator<Item = usize> + '_ {
-        self.starts.iter().map(|start| start.sample.measurement.rows())
+    /// Number of residuals of each posture that takes part: in evaluations they stand one after the other.
+    pub fn rows_of_postures(&self) -> impl Iterator<Item = usize> + '_ {
+        self.starts.iter().map(Start::rows)
     }
 
-    /// Closes each posture of a chunk in turn and hands it on with its measurement's rows.
+    /// Closes each posture of a chunk in turn and hands it on with the rows of its samples.
     fn visit(
         &self,
         starts: &[Start<'_>],
@@ -131,26 +168,21 @@ impl<'a> Calibration<'a> {
         mut visit: impl FnMut(&Postures, &Evaluation),
     ) -> Result<(), EvalError> {
         let mut postures = self.home.clone();
-        let mut evaluation = Evaluation::default();
-        for Start { sample, turns, second } in starts {
-            let open = |why: NotClosed| EvalError(format!("{}: {}", sample.name, why.unitless()));
-            postures.first.set_turns(turns);
+        let mut rows = PostureRows::default();
+        for start in starts {
+            let open = |why: NotClosed| EvalError(format!("{}: {}", start.sample.name, why.unitless()));
+            postures.first.set_turns(&start.turns);
             postures.first.close(self.mechanism, geometry).map_err(open)?;
-            if sample.measurement.second().is_some() {
-                postures.second.set_turns(second);
+            if start.sample.measurement.second().is_some() {
+                postures.second.set_turns(&start.second);
                 postures.second.close(self.mechanism, geometry).map_err(open)?;
             }
-            evaluation.clear();
-            sample.measurement.evaluate(&postures.view(sample, geometry), &mut evaluation);
-            if evaluation.rows.iter().any(|row| !row.r.is_finite()) {
-                return Err(EvalError(format!("{}: residual is not finite", sample.name)));
-            }
-            visit(&postures, &evaluation);
+            visit(&postures, rows.evaluate(start.samples(), &postures, geometry)?);
         }
         Ok(())
     }
 
-    /// `work` on every chunk of the samples, in their order; on this thread where there is but one.
+    /// `work` on every chunk of the postures, in their order; on this thread where there is but one.
     fn by_chunks<T: Send>(
         &self,
         work: impl Fn(&[Start<'_>]) -> Result<T, EvalError> + Sync + Send,
@@ -165,7 +197,7 @@ impl<'a> Calibration<'a> {
     fn compress_slice(&self, geometry: &Geometry) -> Result<Compressed, EvalError> {
         let columns = self.coordinates.slice_count();
         let chunk = |starts: &[Start<'_>]| -> Result<Compressed, EvalError> {
-            let expected = starts.iter().map(|start| start.sample.measurement.rows()).sum();
+            let expected = starts.iter().map(Start::rows).sum();
             let mut stream = RowStream::new(columns, expected);
             let mut writer = RowWriter::default();
             self.visit(starts, geometry, |postures, sample| {
@@ -204,33 +236,40 @@ impl<'a> Calibration<'a> {
 
     /// Every limb by itself with the coordinates that are its own, where every posture was measured as a whole pose.
     pub fn limbs(&self) -> Option<Vec<(LimbProblem<'_>, Range<usize>)>> {
-        let poses: Option<Vec<WholePose>> = self.starts.iter().map(|s| WholePose::of(s.sample)).collect();
-        let poses = poses?;
+        let by_posture = self.starts.iter().map(|start| {
+            let count = 1 + start.others.len();
+            start.samples().map(|sample| WholePose::of(sample, count)).collect::<Option<Vec<_>>>()
+        });
+        let poses: Vec<Vec<WholePose>> = by_posture.collect::<Option<_>>()?;
         let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
         let mut joint = 0;
         for (i, limb) in self.mechanism.limbs.iter().enumerate() {
             let own = joint..joint + limb.joints.len();
             joint = own.end;
-            let starts: Option<Vec<LimbStart>> = self
-                .starts
-                .iter()
-                .zip(&poses)
-                .map(|(s, pose)| {
-                    let turns = s.turns.get(own.clone())?;
-                    Some(LimbStart { name: &s.sample.name, turns, pose: pose.clone() })
-                })
-                .collect();
+            let mut starts = Vec::with_capacity(self.sample_count());
+            for (start, poses) in self.starts.iter().zip(&poses) {
+                let turns = start.turns.get(own.clone())?;
+                let each = start.samples().zip(poses);
+                starts.extend(each.map(|(s, pose)| LimbStart { name: &s.name, turns, pose: pose.clone() }));
+            }
             let own = &self.coordinates.limbs[i];
-            let problem = LimbProblem::new(self.mechanism, &self.coordinates, i, starts?);
+            let problem = LimbProblem::new(self.mechanism, &self.coordinates, i, starts);
             parts.push((problem, own.offset..own.offset + own.count));
         }
         Some(parts)
     }
 
-    /// The same with only these of the samples that take part, closed from where they are closed here.
-    pub fn only(&self, samples: Range<usize>) -> Self {
-        let starts = self.starts.get(samples).unwrap_or_default().to_vec();
-        Self { starts, set_aside: Vec::new(), ..self.clone() }
+    /// The same with only these of the postures that take part, closed from where they are closed here.
+    pub fn only(&self, postures: Range<usize>) -> Self {
+        Self {
+            mechanism: self.mechanism,
+            coordinates: self.coordinates.clone(),
+            home: self.home.clone(),
+            starts: self.starts.get(postures).unwrap_or_default().to_vec(),
+            set_aside: Vec::new(),
+            params: self.params.clone(),
+            groups: self.groups.clone(),
+        }
     }
 
     fn at(&self, x: &[f64]) -> (Vec<f64>, Geometry) {
@@ -317,15 +356,14 @@ impl Problem for Calibration<'_> {
         Ok((0.5 * square, by_x))
     }
 
-    /// One block a sample.
+    /// One block a posture.
     fn blocks(&self) -> Vec<Range<usize>> {
         let mut next = 0;
-        let block = |start: &Start<'_>| {
-            let first = next;
-            next += start.sample.measurement.rows();
-            first..next
+        let block = |rows: usize| {
+            next += rows;
+            next - rows..next
         };
-        self.starts.iter().map(block).collect()
+        self.rows_of_postures().map(block).collect()
     }
 
     /// One part a limb, where every posture was measured as a whole pose and nothing else is unknown.

@@ -28,6 +28,8 @@ pub struct RowWriter {
     by_limb: Vec<Covectors>,
     /// The same where there are but few rows.
     few: Vec<[f64; 6]>,
+    /// What one limb's own twist adds to each row.
+    own: Vec<[f64; 6]>,
 }
 
 impl RowWriter {
@@ -76,15 +78,21 @@ impl RowWriter {
         let tool = posture.tool().p;
         let open = posture.is_open_chain();
         let (mut frame, mut wrench) = (0, 0);
+        let mut own = std::mem::take(&mut self.own);
         for (i, ((limb, drawn), split)) in
             coordinates.limbs.iter().zip(&mechanism.limbs).zip(&posture.splits).enumerate()
         {
+            own.clear();
+            if !ADD && !sample.by_limb.is_empty() {
+                own.resize(sample.rows.len(), [0.0; 6]);
+                for by in sample.by_limb.iter().filter(|by| by.limb == i) {
+                    own[by.row].iter_mut().zip(by.by_twist).for_each(|(sum, v)| *sum += v);
+                }
+            }
             let by_limb = |k: usize| {
                 let mut row = through_wrenches(posture, by_tool(k), wrench, split.wrenches());
-                if !ADD {
-                    for own in sample.by_limb.iter().filter(|own| own.limb == i && own.row == k) {
-                        row.iter_mut().zip(own.by_twist).for_each(|(sum, v)| *sum += v);
-                    }
+                if let Some(own) = own.get(k) {
+                    row.iter_mut().zip(own).for_each(|(sum, v)| *sum += v);
                 }
                 row
             };
@@ -97,6 +105,7 @@ impl RowWriter {
             frame += drawn.links.len();
             wrench += split.wrenches().len();
         }
+        self.own = own;
     }
 
     /// Writes the columns of one limb alone, `rows` being by that limb's own tool twist, and the residuals behind

@@ -2,7 +2,7 @@
 //! (docs/theory.md section 11).
 
 use super::candidates::{Candidate, DesignError};
-use crate::calibration::{Calibration, Postures, Sample, close_at};
+use crate::calibration::{ByPosture, Calibration, Postures, Sample, SetAside, close_at};
 use crate::identify::twists::twists_by_links;
 use crate::lie::Se3;
 use crate::linalg;
@@ -102,10 +102,10 @@ impl Information {
         workspace: &[Candidate],
         poses: usize,
     ) -> Result<Self, DesignError> {
-        let planned = jacobian(mechanism, &instrument.samples(mechanism, candidates)?, true)?;
+        let planned = padded_jacobian(mechanism, &instrument.samples(mechanism, candidates)?)?;
         let (measured, left_out) = as_drawn(mechanism, measured);
-        let known = jacobian(mechanism, &measured, false)?;
-        let seen = jacobian(mechanism, &instrument.samples(mechanism, workspace)?, true)?;
+        let (known, _) = jacobian(mechanism, &measured)?;
+        let seen = padded_jacobian(mechanism, &instrument.samples(mechanism, workspace)?)?;
         let zero = vec![0.0; mechanism.component_count()];
         let postures: Vec<(&[f64], Se3)> =
             workspace.iter().map(|c| (c.actuators.as_slice(), c.pose)).collect();
@@ -216,26 +216,34 @@ fn as_drawn(mechanism: &Mechanism, samples: &[Sample]) -> (Vec<Sample>, Vec<Stri
     (drawn, left_out)
 }
 
-/// Whitened Jacobian of the samples at nominal in minimal coordinates, m x n; `padded` to [`ROWS`] rows for each sample.
-fn jacobian(mechanism: &Mechanism, samples: &[Sample], padded: bool) -> Result<Mat<f64>, DesignError> {
+/// Whitened Jacobian of the samples at nominal in minimal coordinates, m x n.
+fn jacobian(mechanism: &Mechanism, samples: &[Sample]) -> Result<(Mat<f64>, Option<SetAside>), DesignError> {
     let zero = vec![0.0; mechanism.component_count()];
     let problem = Calibration::new(mechanism, samples, Form::Minimal, &zero);
-    if let Some(aside) = problem.set_aside().first().filter(|_| padded) {
-        return Err(DesignError::Evaluate(format!("{}: {}", aside.name, aside.reason)));
-    }
     let x = vec![0.0; problem.params().len()];
     let lin = problem.linearize(&x).map_err(|why| DesignError::Evaluate(why.to_string()))?;
-    if !padded {
-        return Ok(lin.jac);
+    Ok((lin.jac, problem.set_aside().first().cloned()))
+}
+
+/// The same of candidates: [`ROWS`] rows for each in their order, each by itself whatever is measured beside it.
+fn padded_jacobian(mechanism: &Mechanism, samples: &[Sample]) -> Result<Mat<f64>, DesignError> {
+    let parts = ByPosture::of(samples).apart();
+    let mut out: Option<Mat<f64>> = None;
+    for part in &parts {
+        let own: Vec<Sample> = part.iter().map(|i| samples[*i].clone()).collect();
+        let (jac, aside) = jacobian(mechanism, &own)?;
+        if let Some(aside) = aside {
+            return Err(DesignError::Evaluate(format!("{}: {}", aside.name, aside.reason)));
+        }
+        let all = out.get_or_insert_with(|| Mat::zeros(ROWS * samples.len(), jac.ncols()));
+        let mut next = 0;
+        for (i, sample) in part.iter().zip(&own) {
+            let rows = sample.measurement.rows();
+            all.as_mut().subrows_mut(ROWS * i, rows).copy_from(jac.as_ref().subrows(next, rows));
+            next += rows;
+        }
     }
-    let mut from = Vec::with_capacity(ROWS * samples.len());
-    let mut next = 0;
-    for sample in samples {
-        let rows = sample.measurement.rows();
-        from.extend((0..ROWS).map(|i| (i < rows).then_some(next + i)));
-        next += rows;
-    }
-    Ok(Mat::from_fn(from.len(), x.len(), |i, j| from[i].map_or(0.0, |row| lin.jac[(row, j)])))
+    out.ok_or(DesignError::Blind)
 }
 
 /// Right singular vectors (n x n) and singular values of the parts on top of each other, each times its factor.

@@ -4,6 +4,7 @@ use super::counts::{Counts, Visibility, expected, visibility_of};
 use super::directions::{Direction, Likeness, Naming};
 use super::run::{NearSingular, singularities};
 use super::sparse::{Search, Support};
+use crate::calibration::postures::posture_name;
 use crate::calibration::{Calibration, Sample, SetAside};
 use crate::linalg::{self, Svd};
 use crate::model::Mechanism;
@@ -96,7 +97,7 @@ pub fn analyze(mechanism: &Mechanism, samples: &[Sample], at: &[f64]) -> Result<
     let (near_singular, _) = singularities(mechanism, &mechanism.deviated(at), &expected);
     let strong = seen.directions.get(.., ..seen.counts.practical);
     let by_many = strongest_change(&problem, &x, strong)?.into_iter().filter(|change| *change < 1.0).count();
-    let postures = information(&problem, &x, &expected)?;
+    let postures = information(&problem, &x)?;
     let Visibility { counts, singular_values, .. } = seen;
     Ok(Analysis { counts, singular_values, unseen, weak, by_many, postures, near_singular, set_aside })
 }
@@ -150,7 +151,7 @@ fn directions(
     };
     let target = v.get(.., practical..first_order).to_owned();
     let whole = problem.linearize(&x)?.jac;
-    let rows: Vec<usize> = problem.rows_of_samples().collect();
+    let rows: Vec<usize> = problem.rows_of_postures().collect();
     let faint = |u: &[f64]| {
         let change = linalg::mul(whole.as_ref(), u);
         let mut first = 0;
@@ -171,12 +172,12 @@ fn strongest_change(
     directions: MatRef<'_, f64>,
 ) -> Result<Vec<f64>, EvalError> {
     let mut largest = vec![0.0_f64; directions.ncols()];
-    let count = problem.sample_count();
+    let count = problem.posture_count();
     for first in (0..count).step_by(CHUNK) {
         let part = problem.only(first..(first + CHUNK).min(count));
         let change = part.linearize(x)?.jac * directions;
         let mut row = 0;
-        for rows in part.rows_of_samples() {
+        for rows in part.rows_of_postures() {
             for (j, largest) in largest.iter_mut().enumerate() {
                 let square: f64 = (row..row + rows).map(|i| change[(i, j)].powi(2)).sum();
                 *largest = largest.max(square.sqrt());
@@ -188,11 +189,7 @@ fn strongest_change(
 }
 
 /// Leverage and information of every posture under the unit prior of the tolerances.
-fn information(
-    problem: &Calibration<'_>,
-    x: &[f64],
-    samples: &[Sample],
-) -> Result<Vec<PostureInformation>, EvalError> {
+fn information(problem: &Calibration<'_>, x: &[f64]) -> Result<Vec<PostureInformation>, EvalError> {
     let n = x.len();
     let jac = problem.compress(x)?.jac;
     let mut rows = Mat::<f64>::zeros(jac.nrows() + n, n);
@@ -202,7 +199,7 @@ fn information(
     }
     let factor = linalg::upper_factor(rows.as_mut());
     let lower = factor.transpose().to_owned();
-    let one = |k: usize| {
+    let one = |(k, names): (usize, &Vec<&str>)| {
         let own = problem.only(k..k + 1).linearize(x)?.jac;
         let mut spread = own.transpose().to_owned();
         lower.solve_lower_triangular_in_place(spread.as_mut());
@@ -211,7 +208,8 @@ fn information(
         let eigenvalues = linalg::singular_values(rest.as_ref()).unwrap_or_default();
         let leverage = (0..block.nrows()).map(|i| block[(i, i)]).sum();
         let bits = -0.5 * eigenvalues.iter().map(|v| v.log2()).sum::<f64>();
-        Ok(PostureInformation { name: samples[k].name.clone(), leverage, bits: bits.max(0.0) })
+        Ok(PostureInformation { name: posture_name(names), leverage, bits: bits.max(0.0) })
     };
-    (0..problem.sample_count().min(samples.len())).into_par_iter().map(one).collect()
+    let names: Vec<Vec<&str>> = problem.names_of_postures().collect();
+    names.par_iter().enumerate().map(one).collect()
 }

@@ -4,7 +4,7 @@ use super::counts::Visibility;
 use crate::calibration::{Calibration, Coordinates};
 use crate::lie::Se3;
 use crate::lie::se3::{self, Twist};
-use crate::linalg;
+use crate::linalg::{self, RowStream};
 use crate::model::{Geometry, Mechanism};
 use crate::problem::{EvalError, Problem};
 use crate::solve::Estimate;
@@ -13,6 +13,9 @@ use faer::Mat;
 
 /// Singular value below which least squares without a prior has no finite error; the tolerance stands in for it.
 const BLIND: f64 = 1e-6;
+
+/// Postures whose rows are in memory at a time.
+const TOGETHER: usize = 128;
 
 /// Covariance `root root'` of the minimal coordinates.
 #[derive(Clone, Debug)]
@@ -97,38 +100,52 @@ impl Covariance {
     ) -> Result<Option<Self>, EvalError> {
         let Some(limbs) = problem.limbs() else { return Ok(None) };
         let n = x.len();
-        let readings = problem.rows();
-        // Noise of the readings, standard deviations, to coordinates; and the prior's part.
-        let (mut gain, mut prior) = (Mat::<f64>::zeros(n, readings), Mat::<f64>::zeros(n, n));
+        // Of each limb: where it is estimated, and the inverse of its information with the prior's.
+        let mut inverses = Vec::with_capacity(limbs.len());
+        let mut prior = Mat::<f64>::zeros(n, n);
         for (limb, members) in &limbs {
             let own: Vec<f64> = members.clone().map(|i| x[i]).collect();
-            let (jac, by_noise) = limb.sensitivities(&own)?;
-            let per_posture = jac.nrows() * 6 / readings.max(1);
-            let count = own.len();
-            let svd = linalg::svd(jac.as_ref())
+            let svd = linalg::svd(limb.compress(&own)?.jac.as_ref())
                 .ok_or_else(|| EvalError("a limb's Jacobian is not finite".into()))?;
-            let mut by_data = svd.v.get(.., ..count.min(svd.u.ncols())).to_owned();
-            for k in 0..count {
+            let mut scaled = svd.v.clone();
+            for k in 0..own.len() {
                 let s = svd.s.get(k).copied().unwrap_or(0.0);
                 let Some(w) = weight(estimate, s) else { return Ok(None) };
                 for (i, v) in members.clone().zip(svd.v.col(k).iter()) {
                     prior[(i, members.start + k)] = v * (w / (s * s + w));
                 }
-                if k < by_data.ncols() {
-                    by_data.as_mut().col_mut(k).iter_mut().for_each(|v| *v *= s / (s * s + w));
+                scaled.as_mut().col_mut(k).iter_mut().for_each(|v| *v /= s * s + w);
+            }
+            inverses.push((own, scaled * svd.v.transpose()));
+        }
+        // Noise of the readings, standard deviations, to coordinates: of a few postures at a time, since all of them may
+        // be more than memory holds.
+        let (mut by_noise, mut whole) =
+            (RowStream::new(n, problem.rows()), RowStream::new(n, problem.rows()));
+        let mut trace = 0.0;
+        for first in (0..problem.posture_count()).step_by(TOGETHER) {
+            let part = problem.only(first..(first + TOGETHER).min(problem.posture_count()));
+            let Some(limbs) = part.limbs() else { return Ok(None) };
+            let rows = part.linearize(x)?.jac;
+            let mut gain = Mat::<f64>::zeros(rows.nrows(), n);
+            for ((limb, members), (own, inverse)) in limbs.iter().zip(&inverses) {
+                let (jac, by_noise) = limb.sensitivities(own)?;
+                let of_sample = 6 * jac.nrows() / rows.nrows().max(1);
+                let carried = &jac * inverse;
+                for sample in 0..rows.nrows() / 6 {
+                    let range = of_sample * sample..of_sample * (sample + 1);
+                    let block = by_noise.get(range.clone(), ..).transpose() * carried.get(range, ..);
+                    gain.as_mut()
+                        .submatrix_mut(6 * sample, members.start, 6, members.len())
+                        .copy_from(&block);
                 }
             }
-            for posture in 0..readings / 6 {
-                let rows = per_posture * posture..per_posture * (posture + 1);
-                let along = svd.u.get(rows.clone(), ..by_data.ncols()).transpose() * by_noise.get(rows, ..);
-                let mut own = gain.as_mut().submatrix_mut(members.start, 6 * posture, count, 6);
-                own.copy_from(&by_data * along);
-            }
+            trace += (0..n).map(|j| linalg::dot(&column(&rows, j), &column(&gain, j))).sum::<f64>();
+            whole.push_rows(&rows);
+            by_noise.push_rows(&gain);
         }
-        let whole = problem.linearize(x)?.jac;
-        let trace: f64 = (0..readings).map(|i| linalg::dot(&row(&whole, i), &column(&gain, i))).sum();
-        let mut transposed = gain.transpose().to_owned();
-        let data = linalg::upper_factor(transposed.as_mut()).transpose().to_owned();
+        let data = by_noise.finish().jac.transpose().to_owned();
+        let whole = whole.finish().jac;
         let square = |m: Mat<f64>| m.norm_l2().powi(2);
         let absorbed = 2.0 * trace - square(&whole * &data) - square(&whole * &prior);
         let (from_data, from_prior) = (data.ncols(), prior.ncols());
@@ -191,10 +208,6 @@ impl Covariance {
         }
         out
     }
-}
-
-fn row(a: &Mat<f64>, i: usize) -> Vec<f64> {
-    a.row(i).iter().copied().collect()
 }
 
 fn column(a: &Mat<f64>, j: usize) -> Vec<f64> {

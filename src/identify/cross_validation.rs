@@ -3,6 +3,7 @@
 use super::covariance::weight;
 use super::run::{Identification, IdentifyError, identify};
 use super::score::{Fit, score_each};
+use crate::calibration::postures::by_posture;
 use crate::calibration::{ByPosture, Calibration, Sample};
 use crate::linalg;
 use crate::model::Geometry;
@@ -77,7 +78,6 @@ pub fn cross_validate(
     if folds.len() < 2 {
         return Ok(None);
     }
-    let folds: Vec<Vec<usize>> = folds.iter().map(|fold| postures.samples_of(fold)).collect();
     let linear = match found.report.estimate {
         Estimate::Other | Estimate::Decoupled { .. } => None,
         _ => Influence::new(found, &taking).ok(),
@@ -86,20 +86,21 @@ pub fn cross_validate(
         .par_iter()
         .map(|fold| match linear.as_ref().and_then(|influence| influence.without(fold)) {
             Some(geometry) => Ok((geometry, false)),
-            None => Ok((refit(found, &taking, fold, identifier, stop)?, true)),
+            None => Ok((refit(found, &taking, &postures.samples_of(fold), identifier, stop)?, true)),
         })
         .collect();
     let each = each.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let mut pairs = Vec::with_capacity(taking.len());
+    let together = by_posture(&taking);
+    let mut pairs = Vec::with_capacity(together.len());
     for (fold, (geometry, _)) in folds.iter().zip(&each) {
-        pairs.extend(fold.iter().map(|&i| (geometry, &taking[i])));
+        pairs.extend(fold.iter().map(|&posture| (geometry, &together[posture])));
     }
     let fit = score_each(&found.start, &pairs);
     let refitted = each.iter().filter(|(_, refitted)| *refitted).count();
     Ok(fit.map(|fit| CrossValidation { folds: folds.len(), refitted, fit }))
 }
 
-/// The machine identified from all samples but those of the fold.
+/// The machine identified from all samples but those of the fold, indices of samples.
 pub fn refit(
     found: &Identification,
     samples: &[Sample],
@@ -107,14 +108,16 @@ pub fn refit(
     identifier: &dyn Identifier,
     stop: &Stop,
 ) -> Result<Geometry, IdentifyError> {
-    let rest: Vec<Sample> =
-        samples.iter().enumerate().filter(|(i, _)| !fold.contains(i)).map(|(_, s)| s.clone()).collect();
+    let mut held = vec![false; samples.len()];
+    fold.iter().for_each(|i| held[*i] = true);
+    let rest = samples.iter().zip(held).filter(|(_, held)| !held).map(|(sample, _)| sample.clone());
+    let rest: Vec<Sample> = rest.collect();
     // The same start and the same free ends: what is left out is the fold and nothing else.
     Ok(identify(&found.start, &rest, identifier, stop)?.geometry)
 }
 
-/// Sum of squares and number of the whitened residuals of all samples but `fold`, by the machine that they would give
-/// (10.6); `None` where linear theory does not say it.
+/// Sum of squares and number of the whitened residuals of all postures but those of `fold`, by the machine that they
+/// would give (10.6); `None` where linear theory does not say it.
 pub(super) fn residual_without(
     found: &Identification,
     samples: &[Sample],
@@ -124,10 +127,17 @@ pub(super) fn residual_without(
         return None;
     }
     let geometry = Influence::new(found, samples).ok()?.without(fold)?;
-    let rest = samples.iter().enumerate().filter(|(i, _)| !fold.contains(i));
-    let pairs: Vec<(&Geometry, &Sample)> = rest.map(|(_, sample)| (&geometry, sample)).collect();
-    let rows: usize = pairs.iter().map(|(_, sample)| sample.measurement.rows()).sum();
-    let fit = score_each(&found.start, &pairs).filter(|fit| fit.samples == pairs.len())?;
+    let together = by_posture(samples);
+    let mut held = vec![false; together.len()];
+    fold.iter().for_each(|posture| held[*posture] = true);
+    let rest: Vec<_> = together
+        .iter()
+        .zip(held)
+        .filter(|(_, held)| !held)
+        .map(|(posture, _)| (&geometry, posture))
+        .collect();
+    let rows = rest.iter().flat_map(|(_, of)| of.iter()).map(|sample| sample.measurement.rows()).sum();
+    let fit = score_each(&found.start, &rest).filter(|fit| fit.postures == rest.len())?;
     Some((fit.weighted_rms.powi(2) * rows as f64, rows))
 }
 
@@ -179,7 +189,7 @@ impl<'a> Influence<'a> {
         Ok(Self { found, problem, x, inverse, offset })
     }
 
-    /// The machine as the samples without those of `fold` would give it, the prior's weights unchanged; `None` where
+    /// The machine as the postures without those of `fold` would give it, the prior's weights unchanged; `None` where
     /// these leave too much open for that.
     pub(super) fn without(&self, fold: &[usize]) -> Option<Geometry> {
         let (mut jac, mut r) = (Vec::new(), Vec::new());

@@ -1,8 +1,8 @@
 //! Whether the residual is what the stated noise makes it: chi-square, and what else it may be (docs/theory.md (10.5)).
 
-use crate::calibration::{Postures, Sample};
+use crate::calibration::postures::{by_posture, telling};
+use crate::calibration::{PostureRows, Postures, Sample};
 use crate::linalg;
-use crate::measure::Evaluation;
 use crate::model::{Geometry, Mechanism};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -139,29 +139,30 @@ fn wilson_hilferty(value: f64, freedom: f64) -> f64 {
 
 /// Whitened residuals, posture by posture.
 struct Residuals<'a> {
-    samples: Vec<(&'a Sample, Vec<f64>)>,
+    postures: Vec<(&'a Sample, Vec<f64>)>,
 }
 
 impl<'a> Residuals<'a> {
     fn of(mechanism: &Mechanism, geometry: &Geometry, samples: &'a [Sample]) -> Self {
-        let mut postures = Postures::new(mechanism);
-        let mut evaluation = Evaluation::default();
-        let mut found = Vec::with_capacity(samples.len());
-        for sample in samples {
-            if sample.close_all(mechanism, geometry, &mut postures).is_ok() {
-                evaluation.clear();
-                sample.measurement.evaluate(&postures.view(sample, geometry), &mut evaluation);
-                found.push((sample, evaluation.rows.iter().map(|row| row.r).collect()));
+        let (mut room, mut rows) = (Postures::new(mechanism), PostureRows::default());
+        let mut found = Vec::new();
+        for of in by_posture(samples) {
+            let all = || of.iter().copied();
+            let Some(telling) = telling(all()) else { continue };
+            if telling.close_all(mechanism, geometry, &mut room).is_ok()
+                && let Ok(rows) = rows.evaluate(all(), &room, geometry)
+            {
+                found.push((telling, rows.rows.iter().map(|row| row.r).collect()));
             }
         }
-        Self { samples: found }
+        Self { postures: found }
     }
 
     /// Correlation between residuals of nearest neighbours in actuator space, and its standard deviation under
     /// independent noise.
     fn resemblance(&self, mechanism: &Mechanism) -> Option<(f64, f64)> {
         // Searching all pairs: enough of them tell.
-        let some = &self.samples[..self.samples.len().min(2000)];
+        let some = &self.postures[..self.postures.len().min(2000)];
         if some.len() < 12 {
             return None;
         }

@@ -8,11 +8,12 @@ use super::registration::{FreeEnds, registered};
 use super::residual::ChiSquareTest;
 use super::score::{Fit, score};
 use super::uncertainty::LinkRoot;
-use crate::calibration::{Calibration, Coordinates, Postures, Sample, SetAside};
+use crate::calibration::{ByPosture, Calibration, Coordinates, Postures, Sample, SetAside};
 use crate::measure::Weights;
 use crate::model::{Geometry, Mechanism, Posture, Prior};
 use crate::problem::{Form, Problem};
 use crate::solve::{Estimate, Failure, Identifier, Iterate, Outcome, Report, Stop};
+use std::collections::HashSet;
 
 /// Ratio of the extreme singular values of the wrench matrix below which a posture is reported.
 const NEAR_SINGULAR: f64 = 1e-2;
@@ -291,8 +292,8 @@ impl Identification {
 
     /// Those of the samples that were not set aside.
     pub(super) fn taking_part(&self, samples: &[Sample]) -> Vec<Sample> {
-        let apart = |sample: &&Sample| self.set_aside.iter().any(|s| s.name == sample.name);
-        samples.iter().filter(|sample| !apart(sample)).cloned().collect()
+        let aside: HashSet<&str> = self.set_aside.iter().map(|s| s.name.as_str()).collect();
+        samples.iter().filter(|sample| !aside.contains(sample.name.as_str())).cloned().collect()
     }
 
     /// Chi-square test of the residual of the samples that were identified from; `None` where linear theory does not
@@ -300,8 +301,13 @@ impl Identification {
     pub fn chi_square_test(&self, samples: &[Sample]) -> Option<ChiSquareTest> {
         let (value, freedom) = self.chi_square()?;
         let taking = self.taking_part(samples);
-        let stands_out = |s: &Sample| self.outliers.iter().any(|o| o.name == s.name);
-        let outlying: Vec<usize> = (0..taking.len()).filter(|&i| stands_out(&taking[i])).collect();
+        let names: HashSet<&str> =
+            self.outliers.iter().flat_map(|o| &o.samples).map(String::as_str).collect();
+        let stand_out = |of: &[usize]| of.iter().all(|i| names.contains(taking[*i].name.as_str()));
+        let postures = ByPosture::of(&taking);
+        let outlying =
+            postures.iter().enumerate().filter(|(_, of)| stand_out(of)).map(|(posture, _)| posture);
+        let outlying: Vec<usize> = outlying.collect();
         let without = match outlying.is_empty() {
             true => None,
             false => residual_without(self, &taking, &outlying)

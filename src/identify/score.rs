@@ -1,7 +1,8 @@
 //! How well a geometry predicts measured postures.
 
-use crate::calibration::{Postures, Sample, SetAside};
-use crate::measure::{Errors, Evaluation};
+use crate::calibration::postures::{by_posture, telling};
+use crate::calibration::{PostureRows, Postures, Sample, SetAside};
+use crate::measure::Errors;
 use crate::model::{Geometry, Mechanism};
 use rayon::prelude::*;
 
@@ -46,15 +47,21 @@ pub struct Fit {
     pub weighted_rms: f64,
     /// Samples that took part.
     pub samples: usize,
+    /// Postures that took part.
+    pub postures: usize,
 }
 
-/// One sample's part of a [`Fit`].
-struct Scored {
-    errors: Errors,
+/// A posture's samples.
+pub(super) type Together<'s> = Vec<&'s Sample>;
+
+/// One posture's part of a [`Fit`].
+pub(super) struct Scored {
+    /// Of each sample that was read there, behind its weight.
+    errors: Vec<(f64, Errors)>,
     /// Of its whitened residuals.
-    square: f64,
-    rows: usize,
-    weight: f64,
+    pub square: f64,
+    /// Their number.
+    pub rows: usize,
 }
 
 /// The samples whose loops do not close with the geometry, and why: those that [`score`] leaves out.
@@ -68,36 +75,59 @@ pub fn set_aside(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample])
 
 /// Scores the geometry; `None` where no sample closes.
 pub fn score(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Option<Fit> {
-    let pairs: Vec<(&Geometry, &Sample)> = samples.iter().map(|sample| (geometry, sample)).collect();
-    score_each(mechanism, &pairs)
+    let postures = by_posture(samples);
+    gathered(postures.par_iter().map_init(room(mechanism), scoring(mechanism, geometry)).collect())
 }
 
-/// Scores each sample by a geometry of its own; `None` where none closes.
-pub fn score_each(mechanism: &Mechanism, pairs: &[(&Geometry, &Sample)]) -> Option<Fit> {
-    let scored: Vec<Option<Scored>> = pairs
-        .par_iter()
-        .map_init(
-            || (Postures::new(mechanism), Evaluation::default()),
-            |(postures, evaluation), (geometry, sample)| {
-                sample.close_all(mechanism, geometry, postures).ok()?;
-                let view = postures.view(sample, geometry);
-                evaluation.clear();
-                sample.measurement.evaluate(&view, evaluation);
-                let square = evaluation.square();
-                let (rows, weight) = (evaluation.rows.len(), sample.measurement.weight());
-                let scored = || Scored { errors: sample.measurement.error(&view), square, rows, weight };
-                square.is_finite().then(scored)
-            },
-        )
-        .collect();
-    let scored: Vec<_> = scored.into_iter().flatten().collect();
+/// Scores each posture by a geometry of its own; `None` where none closes.
+pub(super) fn score_each(mechanism: &Mechanism, pairs: &[(&Geometry, &Together<'_>)]) -> Option<Fit> {
+    let one = |room: &mut Room, (geometry, samples): &(&Geometry, &Together<'_>)| {
+        scoring(mechanism, geometry)(room, samples)
+    };
+    gathered(pairs.par_iter().map_init(room(mechanism), one).collect())
+}
+
+/// Scores posture by posture; `None` for those that do not close.
+pub(super) fn scores(
+    mechanism: &Mechanism,
+    geometry: &Geometry,
+    postures: &[Together<'_>],
+) -> Vec<Option<Scored>> {
+    postures.par_iter().map_init(room(mechanism), scoring(mechanism, geometry)).collect()
+}
+
+/// Memory that one posture leaves to the next.
+type Room = (Postures, PostureRows);
+
+fn room(mechanism: &Mechanism) -> impl Fn() -> Room + Sync + Send {
+    || (Postures::new(mechanism), PostureRows::default())
+}
+
+fn scoring(
+    mechanism: &Mechanism,
+    geometry: &Geometry,
+) -> impl Fn(&mut Room, &Together<'_>) -> Option<Scored> + Sync + Send {
+    move |(postures, rows), samples| {
+        let all = || samples.iter().copied();
+        telling(all())?.close_all(mechanism, geometry, postures).ok()?;
+        let rows = rows.evaluate(all(), postures, geometry).ok()?;
+        let error = |s: &Sample| (s.measurement.weight(), s.measurement.error(&postures.view(s, geometry)));
+        let square = rows.square();
+        let scored = || Scored { errors: all().map(error).collect(), square, rows: rows.rows.len() };
+        square.is_finite().then(scored)
+    }
+}
+
+fn gathered(scored: Vec<Option<Scored>>) -> Option<Fit> {
+    let scored: Vec<Scored> = scored.into_iter().flatten().collect();
     if scored.is_empty() {
         return None;
     }
     let square: f64 = scored.iter().map(|s| s.square).sum();
     let rows: usize = scored.iter().map(|s| s.rows).sum();
+    let errors = || scored.iter().flat_map(|s| &s.errors);
     let spread = |of: fn(&Errors) -> Option<f64>| {
-        Spread::of(scored.iter().filter_map(|s| Some((s.weight, of(&s.errors)?))))
+        Spread::of(errors().filter_map(|(weight, e)| Some((*weight, of(e)?))))
     };
     Some(Fit {
         position: spread(|e| e.position),
@@ -107,6 +137,7 @@ pub fn score_each(mechanism: &Mechanism, pairs: &[(&Geometry, &Sample)]) -> Opti
         joint_angle: spread(|e| e.joint_angle),
         joint_length: spread(|e| e.joint_length),
         weighted_rms: (square / rows.max(1) as f64).sqrt(),
-        samples: scored.len(),
+        samples: errors().count(),
+        postures: scored.len(),
     })
 }

@@ -1,6 +1,6 @@
 //! How the poses of closed postures answer to the deviations of the links (docs/theory.md (10.3)).
 
-use crate::calibration::{Calibration, Sample};
+use crate::calibration::{ByPosture, Calibration, Sample};
 use crate::lie::Se3;
 use crate::measure::Pose;
 use crate::model::Mechanism;
@@ -26,9 +26,23 @@ pub fn twists_by_links(
         Ok(Sample { name: format!("posture {}", k + 1), actuators: actuators.to_vec(), measurement })
     };
     let samples = postures.iter().enumerate().map(sample).collect::<Result<Vec<_>, EvalError>>()?;
-    let problem = Calibration::new(mechanism, &samples, form, at);
-    if let Some(aside) = problem.set_aside().first() {
-        return Err(EvalError(format!("{}: {}", aside.name, aside.reason.unitless())));
+    // Postures given more than once would be taken together: row by row in the order given, each by itself.
+    let parts = ByPosture::of(&samples).apart();
+    let mut out: Option<Mat<f64>> = None;
+    for part in &parts {
+        let own: Vec<Sample> = part.iter().map(|i| samples[*i].clone()).collect();
+        let problem = Calibration::new(mechanism, &own, form, at);
+        if let Some(aside) = problem.set_aside().first() {
+            return Err(EvalError(format!("{}: {}", aside.name, aside.reason.unitless())));
+        }
+        let jac = problem.linearize(&problem.coordinates().nearest(at))?.jac;
+        if parts.len() == 1 {
+            return Ok(jac);
+        }
+        let all = out.get_or_insert_with(|| Mat::zeros(6 * samples.len(), jac.ncols()));
+        for (k, i) in part.iter().enumerate() {
+            all.as_mut().subrows_mut(6 * i, 6).copy_from(jac.as_ref().subrows(6 * k, 6));
+        }
     }
-    Ok(problem.linearize(&problem.coordinates().nearest(at))?.jac)
+    out.ok_or_else(|| EvalError("no postures".into()))
 }

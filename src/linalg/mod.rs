@@ -27,13 +27,14 @@ pub fn svd(a: MatRef<'_, f64>) -> Option<Svd> {
     if !a.is_all_finite() {
         return None;
     }
-    let full = a.svd().ok()?;
+    // With more rows than columns the thin one has all right vectors, and left ones that fit in memory.
+    let found = if a.nrows() > a.ncols() { a.thin_svd() } else { a.svd() }.ok()?;
     narrow();
     let k = a.nrows().min(a.ncols());
     Some(Svd {
-        u: full.U().get(.., ..k).to_owned(),
-        s: full.S().column_vector().iter().copied().collect(),
-        v: full.V().to_owned(),
+        u: found.U().get(.., ..k).to_owned(),
+        s: found.S().column_vector().iter().copied().collect(),
+        v: found.V().to_owned(),
     })
 }
 

@@ -145,6 +145,15 @@ impl RowStream {
         self.square += 2.0 * part.cost;
     }
 
+    /// Appends rows of `J` without residuals.
+    pub fn push_rows(&mut self, jac: &Mat<f64>) {
+        let mut rows = self.next(jac.nrows());
+        for (j, from) in jac.col_iter().enumerate() {
+            rows.column(j).iter_mut().zip(from.iter()).for_each(|(to, from)| *to = *from);
+        }
+        rows.column(jac.ncols()).fill(0.0);
+    }
+
     /// Adds to the sum of squares that [`finish`](Self::finish) reports as cost.
     pub fn add_square(&mut self, square: f64) {
         self.square += square;

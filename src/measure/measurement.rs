@@ -1,6 +1,7 @@
 //! The interface between an instrument's readings and the kinematics.
 
 use super::point::{Gauge, Plane, Point};
+use super::posture_noise::PostureNoise;
 use crate::lie::Se3;
 use crate::model::Posture;
 use nalgebra::Vector3;
@@ -57,6 +58,16 @@ impl Evaluation {
         self.by_second.clear();
         self.by_limb.clear();
         self.by_constant.clear();
+    }
+
+    /// Appends the rows of another sample of the same posture, or pair of postures.
+    pub fn append(&mut self, other: &Evaluation) {
+        let first = self.rows.len();
+        self.rows.extend_from_slice(&other.rows);
+        self.by_second.extend_from_slice(&other.by_second);
+        self.by_limb.extend(other.by_limb.iter().map(|by| LimbDerivative { row: by.row + first, ..*by }));
+        let constants = other.by_constant.iter();
+        self.by_constant.extend(constants.map(|by| ConstantDerivative { row: by.row + first, ..*by }));
     }
 
     /// One row in place of all: each times its residual, added up. Its derivatives are the gradient of `|r|^2 / 2`.
@@ -214,6 +225,17 @@ pub trait Measurement: std::fmt::Debug + Send + Sync {
     /// What one such reading is worth beside one of weight 1: a factor on its information, part of the residuals.
     fn weight(&self) -> f64 {
         1.0
+    }
+
+    /// By what it errs together with everything else that is measured at its posture; not part of its residuals, which
+    /// whoever has all of the posture whitens by it.
+    fn posture_noise(&self) -> Option<PostureNoise> {
+        None
+    }
+
+    /// The same without posture noise, where it has some.
+    fn alone(&self) -> Option<Arc<dyn Measurement>> {
+        None
     }
 
     /// Whether residual `row` is an angle; else it is a length.

@@ -7,6 +7,7 @@ pub mod plane;
 pub mod point;
 pub mod pose;
 pub mod position;
+pub mod posture_noise;
 pub mod separation;
 pub mod weighted;
 
@@ -19,5 +20,6 @@ pub use plane::Touch;
 pub use point::{Gauge, Plane, Point};
 pub use pose::{Pose, Weighting};
 pub use position::Position;
+pub use posture_noise::{OfPosture, PostureNoise};
 pub use separation::Separation;
 pub use weighted::Weighted;

@@ -1,6 +1,7 @@
 //! A measurement that counts more, or less, than its noise says.
 
 use super::measurement::{Clue, Errors, Evaluation, Measurement, View, Weights};
+use super::posture_noise::PostureNoise;
 use crate::lie::Se3;
 use std::sync::Arc;
 
@@ -42,6 +43,15 @@ impl Measurement for Weighted {
 
     fn weight(&self) -> f64 {
         self.weight
+    }
+
+    /// The weight is one of readings: what is common stays, however many they stand for.
+    fn posture_noise(&self) -> Option<PostureNoise> {
+        self.inner.posture_noise()
+    }
+
+    fn alone(&self) -> Option<Arc<dyn Measurement>> {
+        Some(self.again(self.inner.alone()?))
     }
 
     fn is_angle(&self, row: usize) -> bool {
