@@ -51,7 +51,7 @@ impl Compared {
 /// Errors of the samples by kind, the machine's free ends and what is unknown of the instrument placed by them; and the
 /// names of the samples whose loops do not close as drawn.
 pub fn compared(mechanism: &Mechanism, samples: &[Sample]) -> (Vec<Compared>, Vec<String>) {
-    let placed = placed(mechanism, samples).unwrap_or_else(|| mechanism.clone());
+    let placed = placed(mechanism, samples).map_or_else(|| mechanism.clone(), |found| found.machine);
     let geometry = placed.nominal();
     let mut postures = Postures::new(&placed);
     let (mut all, mut open) = (Vec::new(), Vec::new());

@@ -3,7 +3,7 @@
 use super::misfit::{Reading, measurement, vector};
 use super::offsets::offsets;
 use crate::calibration::Sample;
-use crate::identify::registration::{FreeEnds, registered};
+use crate::identify::registration::{FreeEnds, register};
 use crate::lie::{Se3, so3};
 use crate::model::{Joint, Mechanism};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
@@ -147,7 +147,7 @@ impl Correction {
                     Some(Sample { name, actuators, measurement: Arc::new(measurement(reading)?) })
                 })
                 .collect();
-            return Some((registered(mechanism, &samples?, *free)?, data.to_vec()));
+            return Some((register(mechanism, &samples?, *free)?.machine, data.to_vec()));
         }
         let found = match self {
             Correction::Offsets => offsets(mechanism, data)?,

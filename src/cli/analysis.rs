@@ -1,11 +1,11 @@
 //! The analysis in words, and as JSON.
 
 use super::details::digits;
-use super::wording::counted;
+use super::wording::{counted, reason};
 use crate::calibration::{Coordinates, Sample};
 use crate::design::Observability;
-use crate::files::json;
 use crate::files::summary::Counts;
+use crate::files::{Units, json};
 use crate::identify::{Analysis, Likeness};
 use crate::model::{Limb, Mechanism};
 use crate::problem::Form;
@@ -18,6 +18,8 @@ const SHOWN: usize = 5;
 pub struct Report<'a> {
     /// Name of the problem.
     pub name: &'a str,
+    /// Of the file.
+    pub units: Units,
     /// The machine.
     pub mechanism: &'a Mechanism,
     /// The postures.
@@ -134,7 +136,7 @@ pub fn json_text(report: &Report<'_>) -> Result<Vec<u8>, serde_json::Error> {
         set_aside: found
             .set_aside
             .iter()
-            .map(|s| AsideEntry { sample: &s.name, reason: s.reason.to_string() })
+            .map(|s| AsideEntry { sample: &s.name, reason: reason(&s.reason, report.units) })
             .collect(),
         observability: report.observability.map(Indices::from),
         notes: &report.notes,
@@ -253,7 +255,11 @@ impl Report<'_> {
             ));
         }
         for aside in &found.set_aside {
-            text.push_str(&format!("  {} takes no part: {}\n", aside.name, aside.reason));
+            text.push_str(&format!(
+                "  {} takes no part: {}\n",
+                aside.name,
+                reason(&aside.reason, self.units)
+            ));
         }
     }
 

@@ -1,7 +1,7 @@
 //! `gough analyze`: what poses can reveal.
 
 use super::analysis::{Report, json_text};
-use super::at::with_links_of;
+use super::at::{registered, with_links_of};
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
@@ -9,7 +9,8 @@ use super::wording::reason;
 use crate::calibration::Sample;
 use crate::design::Observability;
 use crate::files::{DataPlaces, DataSet, Kind, Output, ProblemFile, read_problem};
-use crate::identify::analyze;
+use crate::identify::untold::{Untold, untold_words};
+use crate::identify::{Registration, analyze};
 use crate::measure::Measurement;
 use crate::model::{Geometry, Mechanism, mobility};
 use crate::simulate::{draw_deviations, draw_postures, read};
@@ -62,7 +63,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     problem.require_tolerances()?;
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
-    let (mechanism, deviations, point) = place(&problem, args)?;
+    let (mechanism, untold, deviations, point) = place(&problem, args)?;
     let geometry = mechanism.deviated(&deviations);
     let (what, samples) = match args.poses {
         None if !problem.data.is_empty() || !problem.data.planned.is_empty() => {
@@ -92,6 +93,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let practical = &found.singular_values[..found.counts.practical.min(found.singular_values.len())];
     let report = Report {
         name: &problem.name,
+        units: problem.units,
         mechanism: &mechanism,
         samples: &samples,
         what,
@@ -103,7 +105,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             .kind_notes()
             .into_iter()
             .map(str::to_owned)
-            .chain(problem.data.point_note().map(|n| n.to_string()))
+            .chain(problem.data.point_note().map(str::to_owned))
+            .chain(untold_words(&untold))
             .collect(),
     };
     let text = match args.json {
@@ -115,24 +118,31 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     Ok(Ending::Done)
 }
 
-/// The machine, the deviations at which it is linearised, and that point in words.
-fn place(problem: &ProblemFile, args: &Args) -> Result<(Mechanism, Vec<f64>, String), CliError> {
-    let mut mechanism = problem.mechanism.clone();
+/// The machine where its free ends are, what is not told of these, the deviations at which it is linearised, and that
+/// point in words.
+fn place(problem: &ProblemFile, args: &Args) -> Result<(Mechanism, Vec<Untold>, Vec<f64>, String), CliError> {
+    if args.perturb.is_none() && args.at == At::Truth {
+        return at_truth(problem);
+    }
+    let Registration { machine: mechanism, untold, .. } = registered(problem)?;
     let zero = vec![0.0; mechanism.component_count()];
     if let Some(factor) = args.perturb {
         let drawn = draw_deviations(&mechanism, args.seed, factor);
         let point = format!("at a machine drawn from {factor} times the tolerances (seed {})", args.seed);
-        return Ok((mechanism, drawn, point));
+        return Ok((mechanism, untold, drawn, point));
     }
-    if args.at == At::Nominal {
-        return Ok((mechanism, zero, "at nominal".into()));
-    }
+    Ok((mechanism, untold, zero, "at nominal".into()))
+}
+
+/// The true machine of a benchmark problem, which stands where it stands.
+fn at_truth(problem: &ProblemFile) -> Result<(Mechanism, Vec<Untold>, Vec<f64>, String), CliError> {
     let truth = problem.truth.as_ref().ok_or_else(|| {
         CliError::Usage(format!("{}: --at truth: the problem states no truth", problem.file))
     })?;
-    mechanism = with_links_of(mechanism, truth)
+    let mechanism = with_links_of(problem.mechanism.clone(), truth)
         .map_err(|why| CliError::Usage(format!("{}: --at truth: {why}", problem.file)))?;
-    Ok((mechanism, zero, "at the true machine".into()))
+    let zero = vec![0.0; mechanism.component_count()];
+    Ok((mechanism, Vec::new(), zero, "at the true machine".into()))
 }
 
 /// A posture at which the instrument is taken to measure with the stated noise: what `blank` reads there.

@@ -1,5 +1,10 @@
 //! A machine in the place of the one that was drawn.
 
+use super::error::CliError;
+use super::wording::not_identified;
+use crate::files::ProblemFile;
+use crate::identify::run::placed;
+use crate::identify::{IdentifyError, Registration};
 use crate::model::{Joint, Mechanism};
 use std::mem::discriminant;
 
@@ -7,6 +12,17 @@ use std::mem::discriminant;
 const ROUNDING: f64 = 1e-9;
 /// Difference of a length within a limb, in machine sizes, that no identification explains.
 const OTHER_SIZE: f64 = 0.1;
+
+/// The drawing where the problem's measurements say that it stands, as `identify` has it; as drawn where there are none.
+pub fn registered(problem: &ProblemFile) -> Result<Registration, CliError> {
+    if problem.data.is_empty() {
+        return Ok(Registration::as_drawn(&problem.mechanism));
+    }
+    placed(&problem.mechanism, &problem.data.samples).ok_or_else(|| CliError::Identify {
+        file: problem.file.clone(),
+        why: not_identified(&IdentifyError::Unregistered, problem.units),
+    })
+}
 
 /// Why a machine cannot stand in the place of the one that was drawn.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

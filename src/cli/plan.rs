@@ -1,6 +1,6 @@
 //! `gough plan`: which postures to measure.
 
-use super::at::{require_size_of, with_links_of};
+use super::at::{registered, require_size_of, with_links_of};
 use super::details::digits;
 use super::dispatch::Ending;
 use super::error::CliError;
@@ -148,10 +148,13 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     Ok(Ending::Done)
 }
 
-/// The machine to plan for: the drawing, or that of a result in its place.
+/// The machine to plan for: the drawing, where the postures measured so far say that it stands if these count, or that of a
+/// result in its place.
 fn machine(args: &Args, problem: &ProblemFile) -> Result<Mechanism, CliError> {
     let drawn = problem.mechanism.clone();
-    let Some(path) = &args.at else { return Ok(drawn) };
+    let Some(path) = &args.at else {
+        return if args.add_to_measured { Ok(registered(problem)?.machine) } else { Ok(drawn) };
+    };
     let result = read_model(path)?;
     if result.constants.is_none() {
         return Err(CliError::Usage(format!(

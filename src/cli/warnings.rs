@@ -6,6 +6,7 @@ use super::wording::{counted, listed};
 use crate::files::{LengthUnit, ProblemFile};
 use crate::identify::Verdict;
 use crate::identify::run::NearSingular;
+use crate::identify::untold::untold_words;
 use crate::model::Prior;
 use crate::model::far::far_points;
 use crate::solve::{ActiveBound, Outcome};
@@ -112,6 +113,7 @@ impl Summary<'_> {
                 listed(&self.shared)
             ));
         }
+        warnings.extend(untold_words(&found.untold));
         let far = far_drawn(self.problem);
         if let Some(doubt) = doubtful_size(self.problem).filter(|_| far.is_none()) {
             warnings.push(doubt);

@@ -83,7 +83,7 @@ pub fn draw(
             (samples, holdout, Some(truth))
         }
     };
-    let start = placed(mechanism, &samples).unwrap_or_else(|| mechanism.clone());
+    let start = placed(mechanism, &samples).map_or_else(|| mechanism.clone(), |found| found.machine);
     Ok(Drawn { start, samples, holdout, truth, from })
 }
 

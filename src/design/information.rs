@@ -233,7 +233,7 @@ fn padded_jacobian(mechanism: &Mechanism, samples: &[Sample]) -> Result<Mat<f64>
         let own: Vec<Sample> = part.iter().map(|i| samples[*i].clone()).collect();
         let (jac, aside) = jacobian(mechanism, &own)?;
         if let Some(aside) = aside {
-            return Err(DesignError::Evaluate(format!("{}: {}", aside.name, aside.reason)));
+            return Err(DesignError::Evaluate(format!("{}: {}", aside.name, aside.reason.unitless())));
         }
         let all = out.get_or_insert_with(|| Mat::zeros(ROWS * samples.len(), jac.ncols()));
         let mut next = 0;

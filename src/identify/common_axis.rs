@@ -14,11 +14,14 @@ use super::registration::nearest_rotation;
 use crate::lie::{Se3, so3};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Unit, Vector3};
 
+/// Most rounds of a factorisation.
+const ITERATIONS: usize = 1000;
+
 /// `X` and `Y` of `measured = X g Y`, `turns` the sum of `log(M_j M_i') log(G_j G_i')'` over pairs; `None` where the
 /// postures do not determine them.
 pub fn placed(predicted: &[Se3], measured: &[Se3], turns: &Matrix3<f64>) -> Option<(Se3, Se3)> {
     let first = predicted.first()?;
-    let svd = turns.svd(true, true);
+    let svd = turns.try_svd(true, true, f64::EPSILON, ITERATIONS)?;
     let largest = svd.singular_values.imax();
     if svd.singular_values[largest].is_nan() || svd.singular_values[largest] <= 0.0 {
         return None;
@@ -62,7 +65,7 @@ pub fn placed(predicted: &[Se3], measured: &[Se3], turns: &Matrix3<f64>) -> Opti
 
 /// Least squares; `None` where the columns depend on each other.
 fn solve(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<DVector<f64>> {
-    let svd = a.clone().svd(true, true);
+    let svd = a.clone().try_svd(true, true, f64::EPSILON, ITERATIONS)?;
     let (most, least) = (svd.singular_values.max(), svd.singular_values.min());
     if least.is_nan() || least <= 1e-9 * most { None } else { svd.solve(b, 0.0).ok() }
 }

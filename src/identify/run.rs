@@ -4,10 +4,11 @@ use super::counts::{Counts, Visibility, visibility};
 use super::covariance::{Covariance, Variance};
 use super::cross_validation::residual_without;
 use super::outliers::{Outlier, outliers};
-use super::registration::{FreeEnds, registered};
+use super::registration::{FreeEnds, Registration, register};
 use super::residual::ChiSquareTest;
 use super::score::{Fit, score};
 use super::uncertainty::LinkRoot;
+use super::untold::Untold;
 use crate::calibration::{ByPosture, Calibration, Coordinates, Postures, Sample, SetAside};
 use crate::measure::Weights;
 use crate::model::{Geometry, Mechanism, Posture, Prior};
@@ -33,7 +34,7 @@ pub enum IdentifyError {
     /// Base or tool are free and the samples do not place them.
     #[error(
         "base or tool stand free (tolerance \"free\") and the samples do not determine where they are: \
-         at least three postures with different orientations are needed"
+         at least three postures, or three points that lie on no line, are needed"
     )]
     Unregistered,
     /// No posture closes.
@@ -55,6 +56,8 @@ pub struct NearSingular {
 pub struct Identification {
     /// The machine about which it was linearised: as drawn, with free ends registered.
     pub start: Mechanism,
+    /// What registration kept as drawn of free ends.
+    pub untold: Vec<Untold>,
     /// Links as identified.
     pub geometry: Geometry,
     /// Deviation of every link from the drawing, six per link, rad and m; then of the instrument's constants.
@@ -108,7 +111,8 @@ pub fn identify_from(
     if samples.is_empty() {
         return Err(IdentifyError::NoSamples);
     }
-    let start = placed(drawn, samples).ok_or(IdentifyError::Unregistered)?;
+    let Registration { machine: start, untold, .. } =
+        placed(drawn, samples).ok_or(IdentifyError::Unregistered)?;
     let weighted: Vec<Sample>;
     let samples_in_form = match identifier.form() {
         Form::Plain => {
@@ -161,8 +165,10 @@ pub fn identify_from(
         }
     }
     if problem.sample_count() == 0 && report.outcome.converged() {
-        let why =
-            problem.set_aside().first().map_or_else(String::new, |s| format!("{}: {}", s.name, s.reason));
+        let why = problem
+            .set_aside()
+            .first()
+            .map_or_else(String::new, |s| format!("{}: {}", s.name, s.reason.unitless()));
         report.outcome = Outcome::Failed(Failure::Evaluation(why));
     }
     let geometry = start.deviated(&at);
@@ -191,6 +197,7 @@ pub fn identify_from(
         set_aside: problem.set_aside().to_vec(),
         visibility: at_solution,
         start,
+        untold,
         geometry,
         variances,
         covariance,
@@ -204,12 +211,12 @@ pub fn identify_from(
 
 /// The drawing with its free ends, and what is unknown of the instrument, placed by the samples; `None` where these do
 /// not place them.
-pub fn placed(drawn: &Mechanism, samples: &[Sample]) -> Option<Mechanism> {
+pub fn placed(drawn: &Mechanism, samples: &[Sample]) -> Option<Registration> {
     let free = FreeEnds::of(drawn);
     let unknown = drawn.instrument.iter().any(|constant| constant.prior == Prior::Free);
     match free {
-        FreeEnds { base: false, tool: false } if !unknown => Some(drawn.clone()),
-        _ => registered(drawn, samples, free),
+        FreeEnds { base: false, tool: false } if !unknown => Some(Registration::as_drawn(drawn)),
+        _ => register(drawn, samples, free),
     }
 }
 

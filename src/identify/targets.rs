@@ -4,6 +4,7 @@
 //! With `X`'s rotation given the rest is nearly linear. So Gauss-Newton starts from the 24 rotations that map a cube to
 //! itself, of which one lies within 63 degrees of any rotation, and the best end is taken.
 
+use super::ends::Stand;
 use super::registration::{FreeEnds, Sighting};
 use crate::lie::{Se3, se3, so3};
 use crate::measure::{Clue, Point};
@@ -14,6 +15,8 @@ use std::f64::consts::FRAC_PI_2;
 /// Positions from which starts are tried.
 const TRIED: usize = 60;
 const ITERATIONS: usize = 40;
+/// Most rounds of a factorisation.
+const FACTORED: usize = 1000;
 /// Relative size of an eigenvalue of the normal matrix below which its direction is left alone.
 const RANK: f64 = 1e-10;
 
@@ -37,6 +40,10 @@ struct Unknowns {
 }
 
 impl Unknowns {
+    fn stand(&self) -> Stand {
+        Stand { base: self.base, tool: self.tool, instrument: self.instrument.clone() }
+    }
+
     fn count(&self) -> usize {
         6 * (usize::from(self.free.base) + usize::from(self.free.tool)) + 3 * self.targets.len()
     }
@@ -108,7 +115,7 @@ impl Unknowns {
         let mut cost = self.cost(seen);
         for _ in 0..ITERATIONS {
             let (matrix, right) = self.normal(seen);
-            let svd = matrix.svd(true, true);
+            let Some(svd) = matrix.try_svd(true, true, f64::EPSILON, FACTORED) else { break };
             let largest = svd.singular_values.max();
             let Ok(step) = svd.solve(&right, RANK * largest) else { break };
             let mut fraction = 1.0;
@@ -134,13 +141,27 @@ impl Unknowns {
     }
 }
 
-/// Moves the free targets of `mechanism` to where the positions say that they are, and returns base and tool; `None`
-/// where the positions do not determine the base.
-pub(super) fn place_targets(
-    mechanism: &mut Mechanism,
-    sightings: &[Sighting],
-    free: FreeEnds,
-) -> Option<(Se3, Se3)> {
+/// First constants of the targets that are measured and unknown.
+fn unknown_targets<'a>(mechanism: &Mechanism, targets: impl Iterator<Item = &'a Point>) -> Vec<usize> {
+    let is_free = |k: &usize| mechanism.instrument.get(*k).is_some_and(|c| c.prior == Prior::Free);
+    let mut firsts: Vec<usize> = targets.filter_map(|target| target.constants).filter(is_free).collect();
+    firsts.sort_unstable();
+    firsts.dedup();
+    firsts
+}
+
+/// Constants of the instrument that place a measured target and are unknown.
+pub(super) fn free_targets(mechanism: &Mechanism, sightings: &[Sighting]) -> Vec<usize> {
+    let targets = sightings.iter().filter_map(|s| match &s.clue {
+        Clue::Position { target, .. } => Some(target),
+        _ => None,
+    });
+    unknown_targets(mechanism, targets).into_iter().flat_map(|first| first..first + 3).collect()
+}
+
+/// Base, tool and free targets where the positions say that they are; `None` where the positions do not determine the
+/// base.
+pub(super) fn place_targets(mechanism: &Mechanism, sightings: &[Sighting], free: FreeEnds) -> Option<Stand> {
     let seen: Vec<Seen> = sightings
         .iter()
         .filter_map(|s| match s.clue {
@@ -148,20 +169,15 @@ pub(super) fn place_targets(
             _ => None,
         })
         .collect();
-    let is_free = |k: usize| mechanism.instrument.get(k).is_some_and(|c| c.prior == Prior::Free);
-    let mut targets: Vec<usize> =
-        seen.iter().filter_map(|s| s.target.constants).filter(|k| is_free(*k)).collect();
-    targets.sort_unstable();
-    targets.dedup();
     let start = Unknowns {
         free,
-        targets,
+        targets: unknown_targets(mechanism, seen.iter().map(|s| &s.target)),
         base: Se3::identity(),
         tool: Se3::identity(),
         instrument: mechanism.nominal().instrument,
     };
     if start.count() == 0 {
-        return Some((start.base, start.tool));
+        return Some(start.stand());
     }
     if seen.len() < 3 {
         return None;
@@ -187,15 +203,7 @@ pub(super) fn place_targets(
         }
     }
     let (_, found) = best?.1.settled(&seen);
-    if free.base && !spans(&found, &seen) {
-        return None;
-    }
-    for &first in &found.targets {
-        for k in first..first + 3 {
-            mechanism.instrument[k].nominal = found.instrument[k];
-        }
-    }
-    Some((found.base, found.tool))
+    (!free.base || spans(&found, &seen)).then(|| found.stand())
 }
 
 /// Whether the points, as predicted, do not lie on one line: only then they determine a rotation.

@@ -154,7 +154,7 @@ fn study(result: &ResultFile, model: &Model, problem: ProblemFile) -> Result<Stu
         };
         training = noise.weigh(&training);
     }
-    let start = placed(drawn, &training).ok_or("its samples do not place base, tool and instrument")?;
+    let start = placed(drawn, &training).ok_or("its samples do not place base, tool and instrument")?.machine;
     let geometry = drawn.deviated(&deviations);
     let at = geometry.deviations_from(&start.nominal());
     let before = residuals(&start, &start.nominal(), &training);

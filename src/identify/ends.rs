@@ -1,0 +1,322 @@
+//! Base, tool and free targets refined together: the numbers of `X g Y`, on whitened residuals, before any link moves.
+//!
+//! Rotations that are small, or all about one axis, leave combinations of base and tool that the data do not tell. A pull
+//! towards the tool as drawn settles these; it is far too weak to move what is told.
+
+use super::registration::FreeEnds;
+use crate::calibration::Sample;
+use crate::lie::{Se3, so3};
+use crate::measure::{Evaluation, View};
+use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
+
+/// Postures by which starts are compared.
+const TRIED: usize = 40;
+/// Most steps of one refinement.
+const STEPS: usize = 60;
+/// Change of the tool, rad or machine sizes, that must change the median posture by more than what is left of its
+/// residual, for the data to tell it: what a link without tolerance is thought to be off by after registration.
+const TOLD: f64 = 0.1;
+/// The same of the base, and of targets, of which no drawing knows anything.
+const TOLD_BASE: f64 = 1.0;
+/// Information, in terms of the least by which a direction is told, at which the closed form is beyond doubt.
+const BEYOND_DOUBT: f64 = 30.0;
+/// Most rounds of a factorisation.
+const ITERATIONS: usize = 1000;
+/// Relative decrease of the cost at which a refinement ends.
+const GAINED: f64 = 1e-9;
+
+/// Where base and tool stand, and the values of the instrument's constants.
+#[derive(Clone, Debug)]
+pub(super) struct Stand {
+    /// In front of the machine as drawn.
+    pub base: Se3,
+    /// Behind it.
+    pub tool: Se3,
+    /// rad, m or 1.
+    pub instrument: Vec<f64>,
+}
+
+/// Predicted tool poses with what was measured there.
+pub(super) struct Refinement<'a> {
+    seen: Vec<(Se3, &'a Sample)>,
+    free: FreeEnds,
+    /// Constants of the instrument that are unknown.
+    constants: Vec<usize>,
+    length: f64,
+    /// By how much residuals of angles and of lengths exceed the noise.
+    scatter: [f64; 2],
+}
+
+/// Normal equations of one step: rad, machine sizes.
+struct Normal {
+    matrix: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+impl<'a> Refinement<'a> {
+    /// Of predicted poses and their samples; `length` is the machine's size, m.
+    pub fn new(seen: Vec<(Se3, &'a Sample)>, free: FreeEnds, constants: Vec<usize>, length: f64) -> Self {
+        Self { seen, free, constants, length, scatter: [1.0; 2] }
+    }
+
+    /// The best of the starts, the first of which is the closed form, refined; and the directions that the data do not
+    /// tell, a column each: base (turn, shift), tool (turn, shift), constants, in [`units`](Self::units).
+    pub fn best(mut self, starts: &[Stand]) -> Option<(Stand, DMatrix<f64>)> {
+        let first = starts.first()?;
+        let all = std::mem::take(&mut self.seen);
+        self.seen = all.iter().step_by(all.len().div_ceil(TRIED).max(1)).copied().collect();
+        let (_, closed) = self.settled(first, false);
+        self.scatter = self.scatter_at(&closed);
+        let doubt = self
+            .information(&closed)
+            .is_none_or(|(values, _)| values.iter().any(|v| *v < BEYOND_DOUBT * self.seen.len() as f64));
+        let mut found = closed;
+        if doubt {
+            found = self.sought(starts, found);
+        }
+        self.seen = all;
+        self.scatter = self.scatter_at(&found);
+        self.told(found)
+    }
+
+    /// The best of all starts under the pull of the drawing, weighed against what the best fit of all leaves.
+    fn sought(&mut self, starts: &[Stand], closed: Stand) -> Stand {
+        self.scatter = [1.0; 2];
+        let free: Vec<(f64, Stand)> = starts[1..].iter().map(|start| self.settled(start, false)).collect();
+        let mut best = (self.cost(&closed, false), closed);
+        for found in free {
+            if found.0 < best.0 {
+                best = found;
+            }
+        }
+        self.scatter = self.scatter_at(&best.1);
+        let mut pulled = self.settled(&best.1, true);
+        for start in starts {
+            let found = self.settled(start, true);
+            if found.0 < pulled.0 * (1.0 - 1e-6) {
+                pulled = found;
+            }
+        }
+        pulled.1
+    }
+
+    /// Gauss-Newton along what is told, without any pull.
+    fn told(&self, mut at: Stand) -> Option<(Stand, DMatrix<f64>)> {
+        let (values, vectors) = self.information(&at)?;
+        let least = self.seen.len() as f64;
+        let (told, untold): (Vec<usize>, Vec<usize>) = (0..values.len()).partition(|&k| values[k] >= least);
+        if told.is_empty() {
+            return Some((at, vectors));
+        }
+        let along = self.units() * vectors.select_columns(&told);
+        let mut cost = self.cost(&at, false);
+        for _ in 0..STEPS {
+            let normal = self.normal(&at, false);
+            let matrix = along.tr_mul(&(&normal.matrix * &along));
+            let Some(factor) = matrix.cholesky() else { break };
+            let step = &along * factor.solve(&along.tr_mul(&normal.right));
+            let Some((next, next_cost)) = self.descended(&at, &step, cost) else { break };
+            let gain = 1.0 - next_cost / cost;
+            (at, cost) = (next, next_cost);
+            if gain < GAINED {
+                break;
+            }
+        }
+        Some((at, vectors.select_columns(&untold)))
+    }
+
+    /// The longest of halved steps that lowers the cost.
+    fn descended(&self, at: &Stand, step: &DVector<f64>, cost: f64) -> Option<(Stand, f64)> {
+        let fractions = (0..10).map(|k| 0.5_f64.powi(k));
+        fractions.map(|fraction| self.moved(at, &(step * fraction))).find_map(|next| {
+            let next_cost = self.cost(&next, false);
+            (next_cost < cost).then_some((next, next_cost))
+        })
+    }
+
+    /// Levenberg-Marquardt from a start.
+    fn settled(&self, start: &Stand, pull: bool) -> (f64, Stand) {
+        let (mut at, mut cost) = (start.clone(), self.cost(start, pull));
+        let mut damping = 1e-3;
+        for _ in 0..STEPS {
+            let Normal { matrix, right } = self.normal(&at, pull);
+            let largest = matrix.diagonal().max();
+            let damped = &matrix + DMatrix::identity(right.len(), right.len()) * (damping * largest);
+            let step = damped.cholesky().map(|factor| factor.solve(&right));
+            let next = step.map(|step| self.moved(&at, &step));
+            let next_cost = next.as_ref().map_or(f64::INFINITY, |next| self.cost(next, pull));
+            match next.filter(|_| next_cost < cost) {
+                Some(next) => {
+                    let gain = 1.0 - next_cost / cost;
+                    (at, cost) = (next, next_cost);
+                    damping = (damping * 0.1).max(1e-13);
+                    if gain < GAINED {
+                        break;
+                    }
+                }
+                None if damping > 1e3 || !largest.is_finite() => break,
+                None => damping *= 10.0,
+            }
+        }
+        (cost, at)
+    }
+
+    fn count(&self) -> usize {
+        6 * (usize::from(self.free.base) + usize::from(self.free.tool)) + self.constants.len()
+    }
+
+    /// Where the tool's numbers start.
+    fn tool_at(&self) -> usize {
+        6 * usize::from(self.free.base)
+    }
+
+    /// Units in which a direction is told or not, rad and machine sizes.
+    fn units(&self) -> DMatrix<f64> {
+        let tool = self.tool_at()..self.tool_at() + 6 * usize::from(self.free.tool);
+        let unit = |i: usize| if tool.contains(&i) { TOLD } else { TOLD_BASE };
+        DMatrix::from_diagonal(&DVector::from_fn(self.count(), |i, _| unit(i)))
+    }
+
+    /// Information of each direction in [`units`](Self::units), and the directions.
+    fn information(&self, at: &Stand) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let units = self.units();
+        let matrix = &units * self.normal(at, false).matrix * &units;
+        if matrix.iter().any(|v| !v.is_finite()) {
+            return None;
+        }
+        let eigen = SymmetricEigen::try_new(matrix, f64::EPSILON, ITERATIONS)?;
+        Some((eigen.eigenvalues, eigen.eigenvectors))
+    }
+
+    /// Shows the rows of every sample and the tool pose there.
+    fn look(&self, at: &Stand, mut each: impl FnMut(&Sample, &Evaluation, &Se3)) {
+        let mut evaluation = Evaluation::default();
+        for (predicted, sample) in &self.seen {
+            let tool = at.base * *predicted * at.tool;
+            evaluation.clear();
+            let view = View { tool, posture: None, second: tool, instrument: &at.instrument };
+            sample.measurement.evaluate(&view, &mut evaluation);
+            each(sample, &evaluation, &tool);
+        }
+    }
+
+    fn sigma(&self, sample: &Sample, row: usize) -> f64 {
+        self.scatter[usize::from(!sample.measurement.is_angle(row))]
+    }
+
+    /// Root mean square residual of angles and of lengths, in noise, 1 or more.
+    fn scatter_at(&self, at: &Stand) -> [f64; 2] {
+        let (mut square, mut count) = ([0.0; 2], [0.0; 2]);
+        self.look(at, |sample, evaluation, _| {
+            for (k, row) in evaluation.rows.iter().enumerate() {
+                let kind = usize::from(!sample.measurement.is_angle(k));
+                square[kind] += row.r * row.r;
+                count[kind] += 1.0;
+            }
+        });
+        let rows: f64 = count.iter().sum();
+        let correction = rows / (rows - self.count() as f64).max(1.0);
+        [0, 1].map(|kind| f64::sqrt(correction * square[kind] / f64::max(count[kind], 1.0)).max(1.0))
+    }
+
+    /// How far the tool is from the drawing, in standard deviations of the pull.
+    fn pull(&self, at: &Stand) -> [Vector3<f64>; 2] {
+        let weight = (self.seen.len() as f64).sqrt() / TOLD;
+        [so3::log(&at.tool.r) * weight, at.tool.p * (weight / self.length)]
+    }
+
+    fn cost(&self, at: &Stand, pull: bool) -> f64 {
+        let mut cost = 0.0;
+        self.look(at, |sample, evaluation, _| {
+            for (k, row) in evaluation.rows.iter().enumerate() {
+                cost += (row.r / self.sigma(sample, k)).powi(2);
+            }
+        });
+        if pull && self.free.tool {
+            cost += self.pull(at).iter().map(Vector3::norm_squared).sum::<f64>();
+        }
+        if cost.is_finite() { cost } else { f64::INFINITY }
+    }
+
+    /// About where the tool is on average the base turns.
+    fn centre(&self, at: &Stand) -> Vector3<f64> {
+        let places = self.seen.iter().map(|(g, _)| at.base.r * g.p + at.base.p);
+        places.sum::<Vector3<f64>>() / self.seen.len().max(1) as f64
+    }
+
+    fn normal(&self, at: &Stand, pull: bool) -> Normal {
+        let n = self.count();
+        let centre = self.centre(at);
+        let (mut matrix, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        let mut row = DVector::zeros(n);
+        self.look(at, |sample, evaluation, tool| {
+            for (k, seen) in evaluation.rows.iter().enumerate() {
+                let per_sigma = 1.0 / self.sigma(sample, k);
+                let [a, b, c, x, y, z] = seen.by_tool;
+                let (w, v) = (Vector3::new(a, b, c), Vector3::new(x, y, z));
+                let mut column = 0;
+                let mut put = |by: Vector3<f64>, unit: f64| {
+                    by.iter().enumerate().for_each(|(i, by)| row[column + i] = by * unit * per_sigma);
+                    column += 3;
+                };
+                if self.free.base {
+                    put(w + (tool.p - centre).cross(&v), 1.0);
+                    put(v, self.length);
+                }
+                if self.free.tool {
+                    put(tool.r.tr_mul(&w), 1.0);
+                    put(tool.r.tr_mul(&v), self.length);
+                }
+                for (i, constant) in self.constants.iter().enumerate() {
+                    let own =
+                        evaluation.by_constant.iter().filter(|by| by.row == k && by.constant == *constant);
+                    row[column + i] = own.map(|by| by.value).sum::<f64>() * self.length * per_sigma;
+                }
+                matrix.ger(1.0, &row, &row, 1.0);
+                right.axpy(-seen.r * per_sigma, &row, 1.0);
+            }
+        });
+        if pull && self.free.tool {
+            let weight = (self.seen.len() as f64).sqrt() / TOLD;
+            let [turn, shift] = self.pull(at);
+            let by_turn = so3::left_jacobian_inverse(&-so3::log(&at.tool.r)) * weight;
+            for (k, (by, value)) in [(by_turn, turn), (at.tool.r * weight, shift)].into_iter().enumerate() {
+                let first = self.tool_at() + 3 * k;
+                let block = matrix.fixed_view::<3, 3>(first, first) + by.tr_mul(&by);
+                matrix.fixed_view_mut::<3, 3>(first, first).copy_from(&block);
+                let part = right.fixed_rows::<3>(first) - by.tr_mul(&value);
+                right.fixed_rows_mut::<3>(first).copy_from(&part);
+            }
+        }
+        Normal { matrix, right }
+    }
+
+    fn moved(&self, at: &Stand, step: &DVector<f64>) -> Stand {
+        let mut next = at.clone();
+        let mut column = 0;
+        let mut take = || {
+            column += 3;
+            Vector3::new(step[column - 3], step[column - 2], step[column - 1])
+        };
+        if self.free.base {
+            let (turn, shift, centre) = (so3::exp(&take()), take() * self.length, self.centre(at));
+            next.base = Se3 { r: turn * at.base.r, p: turn * (at.base.p - centre) + centre + shift };
+        }
+        if self.free.tool {
+            let (turn, shift) = (take(), take() * self.length);
+            next.tool = at.tool * Se3 { r: so3::exp(&turn), p: shift };
+        }
+        let first = self.count() - self.constants.len();
+        for (i, constant) in self.constants.iter().enumerate() {
+            next.instrument[*constant] += step[first + i] * self.length;
+        }
+        // Many small turns leave rounding in the matrices.
+        next.base.r = orthonormal(&next.base.r);
+        next.tool.r = orthonormal(&next.tool.r);
+        next
+    }
+}
+
+fn orthonormal(r: &Matrix3<f64>) -> Matrix3<f64> {
+    so3::exp(&so3::log(r))
+}
