@@ -7,7 +7,8 @@ use gough::files::noise::{NoiseDrawing, assumed_noise};
 use gough::files::problem::{PROBLEM_FORMAT, ProblemDrawing, parse_model, parse_problem};
 use gough::files::result::RESULT_FORMAT;
 use gough::files::summary::{
-    BeforeAfter, ChiSquare, Counts, Deviation, EstimateEntry, LinkResult, PoseErrors, SourceEntry, TraceEntry,
+    BeforeAfter, CauseEntry, ChiSquare, Counts, Deviation, EstimateEntry, GroupEntry, LinkResult, PoseErrors,
+    SourceEntry, TraceEntry,
 };
 use gough::files::{DataDrawing, ProblemFile, ResultFile, SampleDrawing, Units, json, read_problem, redraw};
 use gough::lie::{Se3, so3};
@@ -162,6 +163,9 @@ fn result(read: &ProblemFile) -> ResultFile {
             probability: Some(0.05),
             verdict: Some("the stated noise explains the residual".into()),
             birge_ratio: Some(1.5),
+            groups: vec![GroupEntry { name: "the angles".into(), value: 6.5, degrees_of_freedom: 3.0 }],
+            causes: vec![CauseEntry { kind: "noise".into(), text: "two times".into() }],
+            holdout: Some(GroupEntry { name: "hold-out".into(), value: 5.5, degrees_of_freedom: 6.0 }),
         }),
         noise_estimate: Some(NoiseDrawing { angle: Some(1e-5), length: Some(1e-6), covariance: None }),
         warnings: vec!["one".into()],

@@ -178,42 +178,56 @@ fn cross_validation_by_formula_is_what_refitting_gives() {
     }
 }
 
-/// What the chi-square test says where the truth is known.
+/// What the tests of the residual say where the truth is known.
 #[test]
 fn verdicts_on_known_troubles() {
-    use gough::identify::Verdict;
+    use gough::identify::verdict::{Cause, Size};
+    use gough::identify::{Judged, Judgement, judge};
     use gough::measure::Weights;
     let drawn = problem(&golden("tripod-3rps", "problem.json"));
     let minimal = registry::find("minimal").unwrap();
-    let verdict = |samples: &[Sample]| {
+    let stop = Stop::default();
+    let judged = |samples: &[Sample]| -> Judgement {
         let found = identified(&drawn.mechanism, samples, minimal.as_ref());
-        found.chi_square_test(samples).unwrap()
+        judge(&Judged {
+            found: &found,
+            samples,
+            sets: &[],
+            holdout: &[],
+            stated: true,
+            identifier: minimal.as_ref(),
+            stop: &stop,
+        })
     };
     let samples = drawn.data.samples.clone();
-    let test = verdict(&samples);
-    assert_eq!(test.verdict, Verdict::Explained, "{test:?}");
-    assert!(test.deviation.abs() < 3.0 && (0.001..0.999).contains(&test.probability), "{test:?}");
+    let clean = judged(&samples);
+    assert!(clean.is_clean() && clean.total.unwrap().size() == Size::Explained, "{clean:?}");
+    assert!((0.001..0.999).contains(&clean.total.unwrap().probability), "{clean:?}");
     // Stated as half, and as twice, of what it is (2e-5 rad, 1e-5 m).
     let stated = |scale: f64| -> Vec<Sample> {
         let weights = Weights::Isotropic { angle: 2e-5 * scale, length: 1e-5 * scale };
         let again = |s: &Sample| Sample { measurement: s.measurement.reweighted(weights), ..s.clone() };
         samples.iter().map(again).collect()
     };
-    let test = verdict(&stated(0.5));
-    assert_eq!(test.verdict, Verdict::Understated, "{test:?}");
-    assert!((test.ratio() - 2.0).abs() < 0.2 && test.sentence().contains("understated"), "{test:?}");
-    assert_eq!(verdict(&stated(2.0)).verdict, Verdict::Overstated);
+    for (scale, word) in [(0.5, "understated"), (2.0, "overstated")] {
+        let found = judged(&stated(scale));
+        let [Cause::Noise(noise)] = found.causes.as_slice() else { panic!("{found:?}") };
+        assert!(noise.sentence().contains(word), "{noise:?}");
+        assert!((found.total.unwrap().ratio() * scale - 1.0).abs() < 0.1, "{found:?}");
+    }
     // One reading of an actuator is wrong by a millimetre.
     let mut wrong = samples.clone();
     wrong[7].actuators[0] += 1e-3;
-    let test = verdict(&wrong);
-    assert_eq!(test.verdict, Verdict::Outliers, "{test:?}");
+    let found = judged(&wrong);
+    assert!(matches!(found.causes.as_slice(), [Cause::Outliers(_)]), "{found:?}");
+    assert_eq!(found.outliers.len(), 1);
+    assert_eq!(found.outliers[0].outlier.name, samples[7].name);
     // The first actuator errs by a wave of its reading, which no link explains.
     let mut bent = samples.clone();
     for sample in &mut bent {
         sample.actuators[0] += 1.5e-4 * (40.0 * sample.actuators[0]).sin();
     }
-    let test = verdict(&bent);
-    eprintln!("{}", test.sentence());
-    assert_eq!(test.verdict, Verdict::Incomplete, "{test:?}");
+    let found = judged(&bent);
+    eprintln!("{}", found.sentence().unwrap());
+    assert!(matches!(found.causes.first(), Some(Cause::Model(_))), "{found:?}");
 }

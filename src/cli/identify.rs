@@ -2,6 +2,7 @@
 
 use super::dispatch::Ending;
 use super::error::CliError;
+use super::judged::sets_of;
 use super::progress::with_spinner;
 use super::ranges::{out_of_range, warn_of_home};
 use super::summary::{Summary, summary};
@@ -10,8 +11,8 @@ use crate::calibration::{ByPosture, Sample};
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
 use crate::identify::score::{score, set_aside};
 use crate::identify::{
-    Fit, Folds, Identification, IdentifyError, NoiseEstimate, cross_validate, identify,
-    identify_without_noise,
+    Fit, Folds, Identification, IdentifyError, Judged, NoiseEstimate, cross_validate, identify,
+    identify_without_noise, judge,
 };
 use crate::measure::Clue;
 use crate::model::mobility;
@@ -145,6 +146,15 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         score(&found.start, &found.geometry, &holdout),
     );
     let holdout_set_aside = set_aside(&found.start, &found.geometry, &holdout);
+    let judgement = judge(&Judged {
+        found: &found,
+        samples: &weighed,
+        sets: &sets_of(&problem, &weighed),
+        holdout: &holdout,
+        stated: noise.is_none(),
+        identifier: identifier.as_ref(),
+        stop: &stop,
+    });
     let report = Summary {
         unused: (problem.data.unused.iter())
             .map(|s| {
@@ -166,7 +176,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             }),
         ),
         noise,
-        test: if noise.is_none() { found.chi_square_test(&weighed) } else { None },
+        judgement,
         cross_validation,
         identifier: identifier.as_ref(),
         chosen,

@@ -7,8 +7,8 @@ use crate::files::noise::NoiseDrawing;
 use crate::files::place::Place;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
-    ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, Deviation,
-    LinkResult, PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry,
+    ActiveBoundEntry, BeforeAfter, ConstantResult, Counts, CrossValidationEntry, Deviation, LinkResult,
+    PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry,
 };
 use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Variance};
@@ -82,13 +82,7 @@ impl Summary<'_> {
             counts: found.counts().map(Counts::from).unwrap_or_default(),
             fit: before_after(self.reached(found.fit), units),
             holdout: before_after(self.reached(self.holdout), units),
-            chi_square: found.chi_square().map(|(value, degrees_of_freedom)| ChiSquare {
-                value,
-                degrees_of_freedom,
-                probability: self.test.map(|test| test.probability),
-                verdict: self.test.map(|test| test.sentence()),
-                birge_ratio: self.test.and_then(|test| test.birge_ratio()),
-            }),
+            chi_square: self.chi_square(),
             cross_validation: self.cross_validation.map(|cross| CrossValidationEntry {
                 folds: cross.folds,
                 refitted: cross.refitted,
@@ -139,7 +133,7 @@ impl Summary<'_> {
     fn links(&self) -> Vec<LinkResult> {
         let mut links = Vec::new();
         let std = self.found.standard_errors();
-        let ratio = self.test.and_then(|test| test.birge_ratio());
+        let ratio = self.judgement.birge_ratio();
         let scaled: Option<Vec<f64>> = ratio
             .zip(self.found.variances.as_ref())
             .map(|(ratio, all)| all.iter().map(|v| v.scaled_error(ratio)).collect());

@@ -4,7 +4,7 @@ use super::details::{digits, instrument, largest, other_errors, unused};
 use super::wording::counted;
 use crate::calibration::SetAside;
 use crate::files::ProblemFile;
-use crate::identify::{ChiSquareTest, CrossValidation, Fit, Identification, NoiseEstimate};
+use crate::identify::{CrossValidation, Fit, Identification, Judgement, NoiseEstimate};
 use crate::model::Prior;
 use crate::solve::Identifier;
 
@@ -28,8 +28,8 @@ pub struct Summary<'a> {
     pub out_of_range: Vec<String>,
     /// Noise, where it was estimated.
     pub noise: Option<NoiseEstimate>,
-    /// Chi-square test of the residual, where linear theory applies.
-    pub test: Option<ChiSquareTest>,
+    /// What the tests of the residual say.
+    pub judgement: Judgement,
     /// Prediction of postures without them, where it was asked for.
     pub cross_validation: Option<CrossValidation>,
     /// The identifier.
@@ -152,19 +152,7 @@ pub fn summary(of: &Summary<'_>) -> String {
             }
         ));
     }
-    match (of.test, of.noise) {
-        (Some(test), None) => text.push_str(&format!(
-            "\nresidual    chi-square {} for {} degrees of freedom (probability {:.2}): {}\n",
-            digits(test.value),
-            digits(test.degrees_of_freedom),
-            test.probability,
-            test.sentence()
-        )),
-        (_, Some(_)) => text.push_str(
-            "\nresidual    it defines the noise here, so that there is nothing to test it against\n",
-        ),
-        (None, None) => {}
-    }
+    text.push_str(&of.residual_line());
     text.push_str(&unused(of));
     text.push_str(&other_errors(of));
     text.push_str(&instrument(of));

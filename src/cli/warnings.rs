@@ -4,7 +4,6 @@ use super::details::{SHOWN, digits};
 use super::summary::Summary;
 use super::wording::{counted, listed};
 use crate::files::{LengthUnit, ProblemFile};
-use crate::identify::Verdict;
 use crate::identify::run::NearSingular;
 use crate::identify::untold::untold_words;
 use crate::model::Prior;
@@ -64,6 +63,7 @@ impl Summary<'_> {
         let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
         if !found.report.outcome.converged() {
             let hint = match found.report.outcome {
+                _ if self.is_led_astray() => "",
                 Outcome::OutOfIterations if self.is_loose() => {
                     "; tolerances far looser than the machine, or \"free\" links limb by limb, leave valleys that \
                      take many steps: state what is known"
@@ -125,23 +125,16 @@ impl Summary<'_> {
                 self.out_of_range.join(", ")
             ));
         }
-        if let Some((ratio, name)) = self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF) {
+        if let Some((ratio, name)) =
+            self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF && !self.is_led_astray())
+        {
             warnings.push(format!(
                 "{name} is {} tolerances off: if that cannot be, check units, home, directions of axes, actuator \
                  order and how rotations are written (gough check)",
                 digits(ratio)
             ));
         }
-        if !found.outliers.is_empty() {
-            let worst = found.outliers.iter().take(SHOWN);
-            let names: Vec<String> =
-                worst.map(|o| format!("{} ({} times the noise)", o.name, digits(o.weighted_rms))).collect();
-            let (postures, verb) = (
-                counted(found.outliers.len(), "posture"),
-                if found.outliers.len() == 1 { "stands out" } else { "stand out" },
-            );
-            warnings.push(format!("{postures} {verb}: {}", names.join(", ")));
-        }
+        warnings.extend(self.judgement_warnings());
         let bounded = found.start.limbs.iter().flat_map(|limb| &limb.links).any(|link| link.bounds.is_some());
         if bounded && !self.identifier.settings().iter().any(|(key, _)| *key == "bounds") {
             warnings.push(format!(
@@ -152,7 +145,7 @@ impl Summary<'_> {
         let regularity = |near: &NearSingular| near.singular_values[5] / near.singular_values[0];
         let mut near: Vec<&NearSingular> = found.near_singular.iter().collect();
         near.sort_by(|a, b| regularity(a).total_cmp(&regularity(b)));
-        if !near.is_empty() {
+        if !near.is_empty() && !self.is_led_astray() {
             let worst = near.iter().take(SHOWN);
             let names: Vec<String> = worst
                 .map(|n| format!("{} ({:.2e} to {:.2e})", n.name, n.singular_values[0], n.singular_values[5]))
@@ -164,7 +157,7 @@ impl Summary<'_> {
                 names.join(", ")
             ));
         }
-        if !found.other_mode.is_empty() {
+        if !found.other_mode.is_empty() && !self.is_led_astray() {
             warnings.push(format!(
                 "{} measured in another assembly mode than that of home, which predictions follow: {}",
                 counted(found.other_mode.len(), "posture"),
@@ -182,19 +175,6 @@ impl Summary<'_> {
                 counts.structural,
                 counts.structural - found.rows
             ));
-        }
-        if let Some(test) = self.test
-            && self.noise.is_none()
-            && found.report.outcome.converged()
-            && test.verdict != Verdict::Explained
-        {
-            warnings.push(test.sentence());
-            if let Some(ratio) = test.birge_ratio() {
-                warnings.push(format!(
-                    "standard errors suppose the stated noise: as things are they are too small; scaled_std of the \
-                     result has them for {ratio:.3} times that noise"
-                ));
-            }
         }
         let mut active: Vec<&ActiveBound> = found.report.active.iter().collect();
         active.sort_by(|a, b| b.multiplier.total_cmp(&a.multiplier).then_with(|| a.name.cmp(&b.name)));

@@ -242,6 +242,39 @@ pub struct ChiSquare {
     /// By how much the noise seems larger than stated, where the residual contradicts it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub birge_ratio: Option<f64>,
+    /// The same test of groups of readings: by set, kind, component and axis.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub groups: Vec<GroupEntry>,
+    /// Causes that the data name, the one with the most evidence first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub causes: Vec<CauseEntry>,
+    /// Hold-out, with the covariance of its predictions beside the noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub holdout: Option<GroupEntry>,
+}
+
+/// Chi-square of a group of readings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GroupEntry {
+    /// What the group is called.
+    pub name: String,
+    /// Sum of squares of its whitened residual.
+    #[serde(deserialize_with = "number")]
+    pub value: f64,
+    /// What the stated noise makes of it.
+    #[serde(deserialize_with = "number")]
+    pub degrees_of_freedom: f64,
+}
+
+/// A cause of a residual.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CauseEntry {
+    /// `noise`, `outliers`, `order`, `drift` or `model`.
+    pub kind: String,
+    /// In words.
+    pub text: String,
 }
 
 /// Errors of postures predicted without them.

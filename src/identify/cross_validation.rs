@@ -116,31 +116,6 @@ pub fn refit(
     Ok(identify(&found.start, &rest, identifier, stop)?.geometry)
 }
 
-/// Sum of squares and number of the whitened residuals of all postures but those of `fold`, by the machine that they
-/// would give (10.6); `None` where linear theory does not say it.
-pub(super) fn residual_without(
-    found: &Identification,
-    samples: &[Sample],
-    fold: &[usize],
-) -> Option<(f64, usize)> {
-    if matches!(found.report.estimate, Estimate::Decoupled { .. }) {
-        return None;
-    }
-    let geometry = Influence::new(found, samples).ok()?.without(fold)?;
-    let together = by_posture(samples);
-    let mut held = vec![false; together.len()];
-    fold.iter().for_each(|posture| held[*posture] = true);
-    let rest: Vec<_> = together
-        .iter()
-        .zip(held)
-        .filter(|(_, held)| !held)
-        .map(|(posture, _)| (&geometry, posture))
-        .collect();
-    let rows = rest.iter().flat_map(|(_, of)| of.iter()).map(|sample| sample.measurement.rows()).sum();
-    let fit = score_each(&found.start, &rest).filter(|fit| fit.postures == rest.len())?;
-    Some((fit.weighted_rms.powi(2) * rows as f64, rows))
-}
-
 /// What the estimate does where readings change.
 pub(super) struct Influence<'a> {
     found: &'a Identification,

@@ -2,14 +2,12 @@
 
 use super::counts::{Counts, Visibility, visibility};
 use super::covariance::{Covariance, Variance};
-use super::cross_validation::residual_without;
 use super::outliers::{Outlier, outliers};
 use super::registration::{FreeEnds, Registration, register};
-use super::residual::ChiSquareTest;
 use super::score::{Fit, score};
 use super::uncertainty::LinkRoot;
 use super::untold::Untold;
-use crate::calibration::{ByPosture, Calibration, Coordinates, Postures, Sample, SetAside};
+use crate::calibration::{Calibration, Coordinates, Postures, Sample, SetAside};
 use crate::measure::Weights;
 use crate::model::{Geometry, Mechanism, Posture, Prior};
 use crate::problem::{Form, Problem};
@@ -301,25 +299,5 @@ impl Identification {
     pub(super) fn taking_part(&self, samples: &[Sample]) -> Vec<Sample> {
         let aside: HashSet<&str> = self.set_aside.iter().map(|s| s.name.as_str()).collect();
         samples.iter().filter(|sample| !aside.contains(sample.name.as_str())).cloned().collect()
-    }
-
-    /// Chi-square test of the residual of the samples that were identified from; `None` where linear theory does not
-    /// apply or nothing is left to test.
-    pub fn chi_square_test(&self, samples: &[Sample]) -> Option<ChiSquareTest> {
-        let (value, freedom) = self.chi_square()?;
-        let taking = self.taking_part(samples);
-        let names: HashSet<&str> =
-            self.outliers.iter().flat_map(|o| &o.samples).map(String::as_str).collect();
-        let stand_out = |of: &[usize]| of.iter().all(|i| names.contains(taking[*i].name.as_str()));
-        let postures = ByPosture::of(&taking);
-        let outlying =
-            postures.iter().enumerate().filter(|(_, of)| stand_out(of)).map(|(posture, _)| posture);
-        let outlying: Vec<usize> = outlying.collect();
-        let without = match outlying.is_empty() {
-            true => None,
-            false => residual_without(self, &taking, &outlying)
-                .map(|(square, rows)| (square, freedom - (self.rows as f64 - rows as f64))),
-        };
-        ChiSquareTest::new((value, freedom), &self.start, &self.geometry, &taking, without)
     }
 }

@@ -1,0 +1,326 @@
+//! Why a residual is what it is: each possible cause is tested, and those that the data name are said, by evidence
+//! (docs/theory.md section 10, "Causes").
+
+mod analysis;
+mod cells;
+pub mod chi_square;
+mod groups;
+mod holdout;
+mod linear;
+mod model;
+mod order;
+mod pattern;
+mod postures;
+mod readings;
+
+pub use cells::{Axis, Cell, Quantity};
+pub use chi_square::{ChiSquareTest, Size};
+pub use groups::{GroupTest, NoiseFinding};
+pub use holdout::HoldoutTest;
+pub use model::ModelFinding;
+pub use order::{DriftFinding, OrderFinding};
+pub use readings::RowCause;
+
+use super::outliers::Outlier;
+use super::run::{Identification, identify};
+use crate::calibration::Sample;
+use crate::solve::{Identifier, Stop, registry};
+use analysis::Analysis;
+
+/// Rounds in which postures are left out and taken back.
+const ROUNDS: usize = 5;
+/// Identifier that shows which postures stand out where another one is led astray by them.
+const ROBUST: &str = "conic-huber";
+
+/// Why a residual is as it is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cause {
+    /// Noise of some readings is not what was stated.
+    Noise(NoiseFinding),
+    /// Few postures are wrong.
+    Outliers(OutlierFinding),
+    /// Readings that follow each other err alike.
+    Order(OrderFinding),
+    /// Readings drift; the name of what drifts most.
+    Drift(DriftFinding, String),
+    /// The machine has errors that the model does not have.
+    Model(ModelFinding),
+}
+
+/// Postures that stand out, and the residual without them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutlierFinding {
+    /// How many.
+    pub count: usize,
+    /// Test of the residual of an estimate without them, where linear theory describes it.
+    pub without: Option<ChiSquareTest>,
+    /// Log likelihood that leaving them out gains.
+    pub gain: f64,
+}
+
+/// A posture that stands out, and what explains it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedOutlier {
+    /// The posture.
+    pub outlier: Outlier,
+    /// Whether one reading of an actuator explains it.
+    pub cause: RowCause,
+}
+
+/// What the tests of a residual say together.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Judgement {
+    /// Of all readings together, where linear theory describes the estimate.
+    pub total: Option<ChiSquareTest>,
+    /// Of the groups of readings.
+    pub groups: Vec<GroupTest>,
+    /// Causes that the data name, the one with the most evidence first.
+    pub causes: Vec<Cause>,
+    /// Postures that stand out, worst first.
+    pub outliers: Vec<NamedOutlier>,
+    /// Of the hold-out, where there is one.
+    pub holdout: Option<HoldoutTest>,
+}
+
+/// What is judged: a finished identification and what it was made from.
+#[derive(Clone, Copy)]
+pub struct Judged<'a> {
+    /// What was found.
+    pub found: &'a Identification,
+    /// The samples that it was found from, in the order in which they were read.
+    pub samples: &'a [Sample],
+    /// The set of each sample, from 0; empty where there is one set.
+    pub sets: &'a [usize],
+    /// Samples that took no part.
+    pub holdout: &'a [Sample],
+    /// Whether noise is stated; else the residual defines it.
+    pub stated: bool,
+    /// The identifier.
+    pub identifier: &'a dyn Identifier,
+    /// When it stops.
+    pub stop: &'a Stop,
+}
+
+/// Judges a residual.
+///
+/// Postures that stand out spoil the estimate, and with it every other test; an unsuited noise makes postures stand out.
+/// So rounds are made: identified without the postures named so far, the other causes are sought and accounted for,
+/// and all postures are judged anew by what comes of it, until the names stay.
+pub fn judge(of: &Judged<'_>) -> Judgement {
+    let found = of.found;
+    let apart = |sample: &Sample| found.set_aside.iter().any(|s| s.name == sample.name);
+    let taking: Vec<usize> = (0..of.samples.len()).filter(|&i| !apart(&of.samples[i])).collect();
+    let samples: Vec<Sample> = taking.iter().map(|&i| of.samples[i].clone()).collect();
+    let sets: Vec<usize> = taking.iter().map(|&i| of.sets.get(i).copied().unwrap_or(0)).collect();
+    let total = found
+        .chi_square()
+        .filter(|_| of.stated)
+        .and_then(|(value, freedom)| ChiSquareTest::new(value, freedom));
+    let mut judgement = Judgement { total, ..Judgement::default() };
+    judgement.holdout = HoldoutTest::new(found, of.holdout);
+    if !found.report.outcome.converged() || found.covariance.is_some() {
+        judgement.explain(of, &samples, &sets);
+    }
+    judgement
+}
+
+impl Judgement {
+    fn explain(&mut self, of: &Judged<'_>, samples: &[Sample], sets: &[usize]) {
+        let index = |outliers: &[Outlier]| -> Vec<usize> {
+            let is = |k: &usize| outliers.iter().any(|o| o.samples.contains(&samples[*k].name));
+            (0..samples.len()).filter(is).collect()
+        };
+        let mut removed = index(&of.found.outliers);
+        let mut robust = of.found.report.outcome.converged();
+        let mut last = None;
+        for _ in 0..ROUNDS {
+            let clean = self.without(of, samples, &removed);
+            let active: Vec<bool> = (0..samples.len()).map(|k| !removed.contains(&k)).collect();
+            let analysis = clean.as_ref().and_then(|clean| Analysis::new(clean, samples, sets, &active));
+            let (Some(clean), Some(analysis)) = (clean, analysis) else {
+                if !robust {
+                    break;
+                }
+                robust = false;
+                removed = robust_outliers(of, samples).map(|outliers| index(&outliers)).unwrap_or_default();
+                continue;
+            };
+            let named = analysis.outlying(samples);
+            let same = named == removed;
+            last = Some((clean, analysis, removed));
+            removed = named;
+            if same {
+                break;
+            }
+        }
+        if let Some((clean, analysis, removed)) = last {
+            self.say(of, samples, (&clean, analysis), &removed);
+        }
+    }
+
+    /// The identification without some samples; `None` where it does not converge.
+    fn without(&self, of: &Judged<'_>, samples: &[Sample], removed: &[usize]) -> Option<Identification> {
+        if removed.is_empty() {
+            return of.found.report.outcome.converged().then(|| of.found.clone());
+        }
+        let rest: Vec<Sample> =
+            (0..samples.len()).filter(|k| !removed.contains(k)).map(|k| samples[k].clone()).collect();
+        let clean = identify(&of.found.start, &rest, of.identifier, of.stop).ok()?;
+        clean.report.outcome.converged().then_some(clean)
+    }
+
+    fn say(
+        &mut self,
+        of: &Judged<'_>,
+        samples: &[Sample],
+        (clean, analysis): (&Identification, Analysis),
+        removed: &[usize],
+    ) {
+        self.outliers = analysis
+            .outliers
+            .iter()
+            .map(|(group, outlier)| NamedOutlier {
+                outlier: outlier.clone(),
+                cause: match group.as_slice() {
+                    &[only] => readings::cause(&clean.start, &clean.geometry, &samples[only]),
+                    _ => RowCause::Unknown,
+                },
+            })
+            .collect();
+        // Samples that do not close with the machine that the others give are to blame as they were.
+        let open = removed.iter().filter(|k| !analysis.closing.contains(k));
+        for outlier in open.filter_map(|&k| of.found.outliers.iter().find(|o| o.samples.contains(&samples[k].name))) {
+            self.outliers.push(NamedOutlier { outlier: outlier.clone(), cause: RowCause::Unknown });
+        }
+        self.groups = analysis.groups;
+        self.causes = analysis.causes;
+        if !self.outliers.is_empty() {
+            let without = clean.chi_square().and_then(|(value, freedom)| ChiSquareTest::new(value, freedom));
+            let rows: usize = removed.iter().map(|&k| samples[k].measurement.rows()).sum();
+            let gain = match (self.total, without) {
+                (Some(total), Some(without)) => 0.5 * (total.value - without.value - 2.0 * rows as f64),
+                _ => f64::INFINITY,
+            };
+            let finding = OutlierFinding { count: self.outliers.len(), without, gain };
+            self.causes.push(Cause::Outliers(finding));
+        }
+        if !of.stated {
+            self.causes.retain(|cause| !matches!(cause, Cause::Noise(_)));
+        }
+        self.causes.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
+    }
+
+    /// By how much the noise seems larger than stated, where the residual contradicts it.
+    pub fn birge_ratio(&self) -> Option<f64> {
+        self.total.and_then(|total| total.birge_ratio())
+    }
+
+    /// Whether nothing speaks against the stated noise and the model.
+    pub fn is_clean(&self) -> bool {
+        self.causes.is_empty()
+            && self.total.is_none_or(|total| matches!(total.size(), Size::Explained | Size::Doubtful))
+    }
+
+    /// What the tests say, in a sentence without its full stop; `None` where nothing was tested.
+    pub fn sentence(&self) -> Option<String> {
+        let causes: Vec<String> = self.causes.iter().map(Cause::sentence).collect();
+        let size = self.total.map(|total| total.size());
+        if causes.is_empty() {
+            return self.total.map(|total| total.sentence());
+        }
+        let causes = causes.join("; ");
+        let whole = matches!(self.causes.first(), Some(Cause::Noise(noise)) if noise.others.is_none());
+        Some(match (self.total, size) {
+            (Some(total), Some(Size::Large | Size::Small)) if !whole => {
+                format!("the residual is {:.3} times what the stated noise makes it: {causes}", total.ratio())
+            }
+            _ => causes,
+        })
+    }
+}
+
+impl ChiSquareTest {
+    /// What the size of the residual says by itself, without a full stop.
+    fn sentence(&self) -> String {
+        let ratio = match self.ratio() {
+            ratio if ratio < 1e-3 => "less than 0.001".to_owned(),
+            ratio => format!("{ratio:.3}"),
+        };
+        match self.size() {
+            Size::Explained => "the stated noise explains the residual".into(),
+            Size::Doubtful => format!(
+                "doubtful: the stated noise alone makes the residual as large in {} of cases",
+                format_args!("{:.2} %", 100.0 * self.probability)
+            ),
+            Size::Large => format!(
+                "the residual is {ratio} times what the stated noise makes it: noise understated, or errors that the \
+                 model does not have and that neighbouring postures do not share"
+            ),
+            Size::Small => format!(
+                "the residual is {ratio} times what the stated noise makes it: noise overstated, or readings that \
+                 are not independent"
+            ),
+        }
+    }
+}
+
+impl Cause {
+    /// Log likelihood that the cause gains.
+    pub fn gain(&self) -> f64 {
+        match self {
+            Cause::Noise(found) => found.gain,
+            Cause::Outliers(found) => found.gain,
+            Cause::Order(found) => found.gain,
+            Cause::Drift(found, _) => found.gain,
+            Cause::Model(found) => found.gain,
+        }
+    }
+
+    /// Its kind, in one word.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Cause::Noise(_) => "noise",
+            Cause::Outliers(_) => "outliers",
+            Cause::Order(_) => "order",
+            Cause::Drift(..) => "drift",
+            Cause::Model(_) => "model",
+        }
+    }
+
+    /// What was found, without a full stop.
+    pub fn sentence(&self) -> String {
+        match self {
+            Cause::Noise(found) => found.sentence(),
+            Cause::Outliers(found) => found.sentence(),
+            Cause::Order(found) => found.sentence(),
+            Cause::Drift(found, name) => found.sentence(name),
+            Cause::Model(found) => found.sentence(),
+        }
+    }
+}
+
+impl OutlierFinding {
+    /// What was found, without a full stop.
+    fn sentence(&self) -> String {
+        let (what, them) = match self.count {
+            1 => ("1 posture stands out".to_owned(), "it"),
+            count => (format!("{count} postures stand out"), "them"),
+        };
+        match self.without {
+            None => what,
+            Some(test) => format!(
+                "{what}; without {them} chi-square is {:.1} for {:.1} degrees of freedom (probability {})",
+                test.value,
+                test.degrees_of_freedom,
+                chi_square::probability(test.probability)
+            ),
+        }
+    }
+}
+
+/// Postures that stand out by the robust identifier, which they do not lead astray.
+fn robust_outliers(of: &Judged<'_>, samples: &[Sample]) -> Option<Vec<Outlier>> {
+    let robust = registry::find(ROBUST).ok()?;
+    let found = identify(&of.found.start, samples, robust.as_ref(), of.stop).ok()?;
+    (found.report.outcome.converged() && found.set_aside.is_empty()).then_some(found.outliers)
+}

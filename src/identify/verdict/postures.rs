@@ -1,0 +1,70 @@
+//! Postures that stand out, judged by the estimate that the others give (docs/theory.md (10.9)).
+
+use super::linear::{Linear, Solution};
+use crate::calibration::Sample;
+use crate::calibration::postures::posture_name;
+use crate::identify::outliers::{FALSE_ALARM, Outlier};
+use faer::Mat;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Variance of a residual, in that of the noise, below which it tells nothing.
+const ABSORBED: f64 = 0.02;
+
+/// Postures whose residual noise does not explain, worst first: their samples, and what is said of them. Those that have no
+/// part in the estimate are predicted, with the variance of the prediction; of the others what the estimate takes from
+/// their residual is made up for. Where the median posture is worse than noise makes it, its excess counts as noise.
+pub(super) fn outlying(
+    linear: &Linear,
+    solution: &Solution,
+    samples: &[Sample],
+) -> Vec<(Vec<usize>, Outlier)> {
+    let count = linear.spans.len();
+    let tested: Vec<(f64, f64, f64)> = (0..count).map(|k| test(linear, solution, k)).collect();
+    let law = |freedom: f64| ChiSquared::new(freedom.max(0.5));
+    let inside = (0..count).filter(|&k| linear.active[k] && tested[k].1 >= 1.0);
+    let excess = inside.filter_map(|k| Some(tested[k].0 / law(tested[k].1).ok()?.inverse_cdf(0.5)));
+    let noise = crate::statistics::median(excess).unwrap_or(1.0).max(1.0);
+    let level = FALSE_ALARM / count.max(1) as f64;
+    let mut out: Vec<(Vec<usize>, Outlier)> = Vec::new();
+    for (members, (value, freedom, weighted_rms)) in linear.members.iter().zip(tested) {
+        let probability = law(freedom).map_or(1.0, |law| law.sf(value / noise));
+        if freedom >= 1.0 && probability <= level {
+            let names: Vec<&str> = members.iter().map(|&i| samples[i].name.as_str()).collect();
+            let samples = names.iter().map(|name| (*name).to_owned()).collect();
+            let outlier = Outlier { name: posture_name(&names), samples, weighted_rms, probability };
+            out.push((members.clone(), outlier));
+        }
+    }
+    out.sort_by(|a, b| b.1.weighted_rms.total_cmp(&a.1.weighted_rms));
+    out
+}
+
+/// Chi-square of one posture, its degrees of freedom, and the root mean square residual.
+fn test(linear: &Linear, solution: &Solution, posture: usize) -> (f64, f64, f64) {
+    let rows: Vec<usize> = linear.spans[posture].clone().collect();
+    let (m, n) = (rows.len(), linear.at.len());
+    let own = Mat::from_fn(m, n, |i, j| linear.jac[(rows[i], j)]);
+    let e = DVector::from_fn(m, |i, _| {
+        let along: f64 = (0..n).map(|j| own[(i, j)] * solution.step[j]).sum();
+        linear.r[rows[i]] + along
+    });
+    let inside = linear.active[posture];
+    let by = if inside { &solution.middle } else { &solution.inverse };
+    let part = &own * by * own.transpose();
+    let sign = if inside { -1.0 } else { 1.0 };
+    let covariance = DMatrix::from_fn(m, m, |i, j| {
+        let one = if i == j { 1.0 } else { 0.0 };
+        one + sign * 0.5 * (part[(i, j)] + part[(j, i)])
+    });
+    let eigen = SymmetricEigen::new(covariance);
+    let along = eigen.eigenvectors.transpose() * &e;
+    let (mut value, mut freedom) = (0.0, 0.0);
+    for (v, a) in eigen.eigenvalues.iter().zip(along.iter()) {
+        if *v > ABSORBED {
+            value += a * a / v;
+            freedom += 1.0;
+        }
+    }
+    (value, freedom, (e.norm_squared() / m.max(1) as f64).sqrt())
+}
