@@ -189,7 +189,9 @@ impl Judgement {
             .collect();
         // Samples that do not close with the machine that the others give are to blame as they were.
         let open = removed.iter().filter(|k| !analysis.closing.contains(k));
-        for outlier in open.filter_map(|&k| of.found.outliers.iter().find(|o| o.samples.contains(&samples[k].name))) {
+        for outlier in
+            open.filter_map(|&k| of.found.outliers.iter().find(|o| o.samples.contains(&samples[k].name)))
+        {
             self.outliers.push(NamedOutlier { outlier: outlier.clone(), cause: RowCause::Unknown });
         }
         self.groups = analysis.groups;
