@@ -114,8 +114,7 @@ impl Coordinates {
         self.instrument.offset + self.instrument.count
     }
 
-    /// Number of slice columns, which is the structural count of identifiable parameters, constants of the instrument
-    /// included.
+    /// Number of slice columns: the structural count, or more where held links hide some.
     pub fn slice_count(&self) -> usize {
         self.instrument.slice_offset + self.instrument.slice.len()
     }

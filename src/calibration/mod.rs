@@ -9,6 +9,7 @@ pub mod problem;
 mod redundancy;
 pub mod rows;
 pub mod sample;
+mod structural;
 mod transforms;
 
 pub use coordinates::{Coordinates, LimbCoordinates};

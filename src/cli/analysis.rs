@@ -266,10 +266,11 @@ impl Report<'_> {
     /// Per limb, its part of the structural count and how it comes about.
     fn sums(&self) -> Vec<LimbSum> {
         let coordinates = Coordinates::new(self.mechanism, Form::Minimal);
-        let limbs = self.mechanism.limbs.iter().zip(&coordinates.limbs);
+        let counts = coordinates.structural_counts(self.mechanism);
+        let limbs = self.mechanism.limbs.iter().zip(&coordinates.limbs).zip(counts);
         limbs
-            .map(|(limb, own)| {
-                let (components, free, count) = (own.sigma.len(), own.free.len(), own.slice.len());
+            .map(|((limb, own), count)| {
+                let (components, free) = (own.sigma.len(), own.free.len());
                 let sum = match components - free {
                     0 => general_sum(limb),
                     held => format!(

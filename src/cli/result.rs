@@ -116,7 +116,11 @@ impl Summary<'_> {
                 .iter()
                 .map(|w| WeightEntry { weight: w.weight, score: w.score })
                 .collect(),
-            singular_values: found.visibility.as_ref().map(|v| v.singular_values.clone()).unwrap_or_default(),
+            singular_values: found
+                .visibility
+                .as_ref()
+                .map(|v| v.structural_values().to_vec())
+                .unwrap_or_default(),
             trace: found
                 .trace
                 .iter()

@@ -98,7 +98,7 @@ pub fn analyze(mechanism: &Mechanism, samples: &[Sample], at: &[f64]) -> Result<
     let strong = seen.directions.get(.., ..seen.counts.practical);
     let by_many = strongest_change(&problem, &x, strong)?.into_iter().filter(|change| *change < 1.0).count();
     let postures = information(&problem, &x)?;
-    let Visibility { counts, singular_values, .. } = seen;
+    let (counts, singular_values) = (seen.counts, seen.structural_values().to_vec());
     Ok(Analysis { counts, singular_values, unseen, weak, by_many, postures, near_singular, set_aside })
 }
 
@@ -139,14 +139,16 @@ fn directions(
     let unseen = match structural - first_order {
         0 => Vec::new(),
         count => {
-            // What is left of the null space beside the redundancy.
-            let beside = null - &redundant * (redundant.transpose() * null);
+            // What is left of the null space beside all that no machine shows which respects what is held.
+            let hidden = null * (null.transpose() * hidden(&problem, mechanism, at, &redundant));
+            let hidden = hidden.qr().compute_thin_Q();
+            let beside = null - &hidden * (hidden.transpose() * null);
             let target = linalg::svd(beside.as_ref()).ok_or_else(not_finite)?.u;
             let target = target.get(.., ..count.min(target.ncols())).to_owned();
             let rounding = 1e-13 * value(0);
             let most = (value(first_order.max(1) - 1) * value(first_order).max(rounding)).sqrt();
             let (faint, independent) = (&|_: &[f64]| true, WITHIN.1);
-            run(Search { jac: jac.as_ref(), seen: redundant, target, most, faint, independent }, &supports)
+            run(Search { jac: jac.as_ref(), seen: hidden, target, most, faint, independent }, &supports)
         }
     };
     let target = v.get(.., practical..first_order).to_owned();
@@ -163,6 +165,16 @@ fn directions(
     let (seen, independent) = (null.to_owned(), WITHIN.0);
     let search = Search { jac: jac.as_ref(), seen, target, most: FAINT, faint: &faint, independent };
     Ok((unseen, run(search, &supports)))
+}
+
+/// Orthonormal basis of what no pose tells apart near the machine at deviations `at`: the redundancy, and what held
+/// links hide besides.
+fn hidden(problem: &Calibration<'_>, mechanism: &Mechanism, at: &[f64], redundant: &Mat<f64>) -> Mat<f64> {
+    let coordinates = problem.coordinates();
+    match coordinates.structural_count(mechanism) < coordinates.slice_count() {
+        true => coordinates.structural_null(mechanism, &mechanism.deviated(at)),
+        false => redundant.clone(),
+    }
 }
 
 /// For each direction of `x` (a column each), the largest change of one posture's readings in standard deviations.

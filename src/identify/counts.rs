@@ -17,7 +17,7 @@ const GAP: f64 = 1e3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Counts {
     /// By structure: 4r + 2p + 6 where no link is held and no passive joint is sensed, and the unknown constants of the
-    /// instrument.
+    /// instrument. Where links are held, the rank that deviations which respect them can reach.
     pub structural: usize,
     /// By rank of the Jacobian at this geometry over these postures.
     pub first_order: usize,
@@ -31,10 +31,17 @@ pub struct Visibility {
     /// The three counts.
     pub counts: Counts,
     /// Singular values of the whitened Jacobian in minimal, tolerance-scaled coordinates, descending: one per
-    /// structural parameter, zeros where there are fewer rows.
+    /// coordinate, zeros where there are fewer rows. Those beyond the structural count are rounding.
     pub singular_values: Vec<f64>,
-    /// Right singular vectors (minimal coordinates), one column per structural parameter.
+    /// Right singular vectors (minimal coordinates), one column per coordinate.
     pub directions: faer::Mat<f64>,
+}
+
+impl Visibility {
+    /// The singular values of the structural parameters: those beyond are rounding.
+    pub fn structural_values(&self) -> &[f64] {
+        self.singular_values.get(..self.counts.structural).unwrap_or(&self.singular_values)
+    }
 }
 
 /// What the samples can see at link deviations `at` (rad, m), apart from the values that they happened to read:
@@ -71,12 +78,12 @@ pub(super) fn visibility_of(
     at: &[f64],
 ) -> Result<Visibility, EvalError> {
     let problem = Calibration::new(mechanism, expected, Form::Minimal, at);
-    let structural = problem.coordinates().slice_count();
+    let structural = problem.coordinates().structural_count(mechanism);
     let here = problem.compress(&problem.coordinates().nearest(at))?;
     let svd = linalg::svd(here.jac.as_ref())
         .ok_or_else(|| EvalError("the whitened Jacobian is not finite".into()))?;
     let mut singular_values = svd.s;
-    singular_values.resize(structural, 0.0);
+    singular_values.resize(problem.coordinates().slice_count(), 0.0);
     let first_order = first_order(mechanism, expected, at)?.min(structural);
     // What has no effect to first order is not known however little noise there is: its value is rounding.
     let practical = singular_values.iter().filter(|s| **s > 1.0).count().min(first_order);
