@@ -3,8 +3,8 @@
 
 mod support;
 
+use gough::calibration::representative::representative;
 use gough::calibration::{Calibration, Coordinates, Sample};
-use gough::compare::gauge::representative;
 use gough::compare::objective::judged;
 use gough::compare::offset::relative_offset;
 use gough::files::{DataPlaces, ProblemFile, read_problem};

@@ -1,6 +1,6 @@
 //! Profiles, intervals and regions against numbers worked out by hand.
 
-use gough::compare::gauge::representative;
+use gough::calibration::representative::representative;
 use gough::compare::profile::{Descent, data, evaluations_to, performance};
 use gough::files::{DataPlaces, read_problem};
 use gough::model::Mechanism;

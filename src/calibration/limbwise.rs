@@ -5,6 +5,7 @@
 
 use super::approach::{ABREAST, Approach};
 use super::coordinates::{Coordinates, LimbCoordinates};
+use super::problem::Calibration;
 use super::rows::RowWriter;
 use super::sample::Sample;
 use crate::lie::Se3;
@@ -15,6 +16,7 @@ use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
 use crate::wide::narrow;
 use faer::{Mat, MatRef};
 use nalgebra::Matrix6;
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 /// A whole measured pose.
@@ -185,6 +187,33 @@ impl<'a> LimbProblem<'a> {
 /// `sum += factor * v`.
 fn add(sum: &mut [f64; 6], factor: f64, v: &[f64; 6]) {
     sum.iter_mut().zip(v).for_each(|(sum, v)| *sum += factor * v);
+}
+
+impl Calibration<'_> {
+    /// Every limb by itself with the coordinates that are its own, where every posture was measured as a whole pose.
+    pub fn limbs(&self) -> Option<Vec<(LimbProblem<'_>, Range<usize>)>> {
+        let by_posture = self.starts.iter().map(|start| {
+            let count = 1 + start.others.len();
+            start.samples().map(|sample| WholePose::of(sample, count)).collect::<Option<Vec<_>>>()
+        });
+        let poses: Vec<Vec<WholePose>> = by_posture.collect::<Option<_>>()?;
+        let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
+        let mut joint = 0;
+        for (i, limb) in self.mechanism.limbs.iter().enumerate() {
+            let own = joint..joint + limb.joints.len();
+            joint = own.end;
+            let mut starts = Vec::with_capacity(self.sample_count());
+            for (start, poses) in self.starts.iter().zip(&poses) {
+                let turns = start.turns.get(own.clone())?;
+                let each = start.samples().zip(poses);
+                starts.extend(each.map(|(s, pose)| LimbStart { name: &s.name, turns, pose: pose.clone() }));
+            }
+            let own = &self.coordinates.limbs[i];
+            let problem = LimbProblem::new(self.mechanism, &self.coordinates, i, starts);
+            parts.push((problem, own.offset..own.offset + own.count));
+        }
+        Some(parts)
+    }
 }
 
 impl Problem for LimbProblem<'_> {

@@ -7,6 +7,7 @@ pub mod limbwise;
 pub mod postures;
 pub mod problem;
 mod redundancy;
+pub mod representative;
 pub mod rows;
 pub mod sample;
 mod structural;

@@ -2,37 +2,38 @@
 
 use super::coordinates::Coordinates;
 use super::evaluate::PostureRows;
-use super::limbwise::{LimbProblem, LimbStart, WholePose};
 use super::postures::{ByPosture, telling};
+use super::representative::with_derivative;
 use super::rows::RowWriter;
 use super::sample::{Postures, Sample, SetAside};
 use crate::linalg::{RowBlock, RowStream};
 use crate::measure::Evaluation;
 use crate::model::{Geometry, Mechanism, NotClosed, Posture, Turn};
-use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem};
+use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem, Representative};
 use crate::wide::narrow;
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
 use std::iter;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 /// Postures that one thread takes at a time; fixed, so that results do not depend on how many threads there are.
 const CHUNK: usize = 128;
 
 /// A measured posture and the joint variables from which its closure starts.
 #[derive(Clone, Debug)]
-struct Start<'a> {
+pub(super) struct Start<'a> {
     /// The first of its samples.
-    sample: &'a Sample,
+    pub(super) sample: &'a Sample,
     /// The others.
-    others: Vec<&'a Sample>,
-    turns: Vec<Turn>,
+    pub(super) others: Vec<&'a Sample>,
+    pub(super) turns: Vec<Turn>,
     /// Of the second posture; empty where there is one.
     second: Vec<Turn>,
 }
 
 impl<'a> Start<'a> {
-    fn samples(&self) -> impl Iterator<Item = &'a Sample> {
+    pub(super) fn samples(&self) -> impl Iterator<Item = &'a Sample> {
         iter::once(self.sample).chain(self.others.iter().copied())
     }
 
@@ -45,14 +46,16 @@ impl<'a> Start<'a> {
 /// A machine with measurements, in the coordinates of one [`Form`].
 #[derive(Clone, Debug)]
 pub struct Calibration<'a> {
-    mechanism: &'a Mechanism,
-    coordinates: Coordinates,
+    pub(super) mechanism: &'a Mechanism,
+    pub(super) coordinates: Coordinates,
     /// Postures at home, from which those of a thread are copied.
     home: Postures,
-    starts: Vec<Start<'a>>,
+    pub(super) starts: Vec<Start<'a>>,
     set_aside: Vec<SetAside>,
     params: Vec<Param>,
     groups: Vec<Group>,
+    /// Those of the minimal form, once they are asked for.
+    minimal: OnceLock<Coordinates>,
 }
 
 impl<'a> Calibration<'a> {
@@ -68,6 +71,7 @@ impl<'a> Calibration<'a> {
             set_aside: Vec::new(),
             params,
             groups,
+            minimal: OnceLock::new(),
         };
         problem.take_back(samples, at, 0.0);
         problem
@@ -234,31 +238,6 @@ impl<'a> Calibration<'a> {
         })
     }
 
-    /// Every limb by itself with the coordinates that are its own, where every posture was measured as a whole pose.
-    pub fn limbs(&self) -> Option<Vec<(LimbProblem<'_>, Range<usize>)>> {
-        let by_posture = self.starts.iter().map(|start| {
-            let count = 1 + start.others.len();
-            start.samples().map(|sample| WholePose::of(sample, count)).collect::<Option<Vec<_>>>()
-        });
-        let poses: Vec<Vec<WholePose>> = by_posture.collect::<Option<_>>()?;
-        let mut parts = Vec::with_capacity(self.mechanism.limbs.len());
-        let mut joint = 0;
-        for (i, limb) in self.mechanism.limbs.iter().enumerate() {
-            let own = joint..joint + limb.joints.len();
-            joint = own.end;
-            let mut starts = Vec::with_capacity(self.sample_count());
-            for (start, poses) in self.starts.iter().zip(&poses) {
-                let turns = start.turns.get(own.clone())?;
-                let each = start.samples().zip(poses);
-                starts.extend(each.map(|(s, pose)| LimbStart { name: &s.name, turns, pose: pose.clone() }));
-            }
-            let own = &self.coordinates.limbs[i];
-            let problem = LimbProblem::new(self.mechanism, &self.coordinates, i, starts);
-            parts.push((problem, own.offset..own.offset + own.count));
-        }
-        Some(parts)
-    }
-
     /// The same with only these of the postures that take part, closed from where they are closed here.
     pub fn only(&self, postures: Range<usize>) -> Self {
         Self {
@@ -269,6 +248,7 @@ impl<'a> Calibration<'a> {
             set_aside: Vec::new(),
             params: self.params.clone(),
             groups: self.groups.clone(),
+            minimal: self.minimal.clone(),
         }
     }
 
@@ -371,11 +351,17 @@ impl Problem for Calibration<'_> {
         if self.coordinates.instrument.count > 0 {
             return None;
         }
-        let mut parts = Vec::new();
-        for (problem, members) in self.limbs()? {
-            parts.push(Part { problem: Box::new(problem), members: members.collect() });
+        let parts = self.limbs()?.into_iter();
+        Some(parts.map(|(of, members)| Part { problem: Box::new(of), members: members.collect() }).collect())
+    }
+
+    fn representative(&self, x: &[f64]) -> Option<Representative> {
+        if self.coordinates.form != Form::Complete {
+            return None;
         }
-        Some(parts)
+        let minimal = self.minimal.get_or_init(|| Coordinates::new(self.mechanism, Form::Minimal));
+        let (d, geometry) = self.at(x);
+        Some(with_derivative(self.mechanism, minimal, &geometry, &d))
     }
 
     fn redundant(&self, x: &[f64]) -> Mat<f64> {

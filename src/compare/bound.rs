@@ -1,8 +1,8 @@
 //! What no estimate can do better than: the Cramer-Rao bound at the truth, with the tolerances as prior.
 
 use super::draw::Drawn;
-use super::gauge::representative;
 use super::line::Prediction;
+use crate::calibration::representative::representative;
 use crate::calibration::{Calibration, Coordinates, Sample};
 use crate::linalg;
 use crate::measure::Weights;

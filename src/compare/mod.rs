@@ -6,7 +6,6 @@ pub mod dependencies;
 pub mod draw;
 pub mod execute;
 pub mod figures;
-pub mod gauge;
 pub mod line;
 pub mod machine;
 pub mod objective;

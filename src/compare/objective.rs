@@ -4,11 +4,13 @@ use crate::calibration::{Calibration, Sample};
 use crate::identify::Identification;
 use crate::linalg;
 use crate::model::{Geometry, Mechanism};
-use crate::problem::{Form, Group, Problem};
+use crate::problem::{Form, Group, Problem, Representative};
 use crate::solve::Objective;
+use crate::solve::anchored::by_representative;
 use crate::solve::conic::loss::{Loss, loss};
 use crate::solve::split::prior_weight;
 use faer::Mat;
+use std::ops::Range;
 
 /// Size, in tolerances, up to which a coordinate is zero or at its limit.
 const TOUCHES: f64 = 1e-7;
@@ -18,6 +20,9 @@ struct Seen {
     x: Vec<f64>,
     r: Vec<f64>,
     jac: Mat<f64>,
+    /// Rows that were measured together, and how many of the last rows are the prior's.
+    blocks: Vec<Range<usize>>,
+    prior: usize,
     /// Limit of every coordinate.
     limits: Vec<(f64, f64)>,
     groups: Vec<Group>,
@@ -44,7 +49,9 @@ pub fn judged(found: &Identification, samples: &[Sample], reference: &Geometry) 
     let objective = found.report.objective.as_ref()?;
     let here = Seen::at(&found.start, &found.geometry, samples, objective, None)?;
     // Far from the noise Huber's threshold follows the residual; the reference is judged by the same one.
-    let loss = loss(objective.loss, objective.delta)?.at_scale(&here.r);
+    let loss = loss(objective.loss, objective.delta)?;
+    let asked = loss.arranged(&here.blocks, here.r.len(), here.prior);
+    let loss = asked.at_scale(&here.r);
     let there = Seen::at(&found.start, reference, samples, objective, Some(here.form))?;
     let possible = there.over <= TOUCHES;
     let offset = loss.smooth().then(|| here.offset(objective, loss.as_ref())).flatten();
@@ -60,6 +67,11 @@ fn overstepped(x: &[f64], limits: &[(f64, f64)], cone: f64, groups: &[Group]) ->
     let beyond = x.iter().zip(limits).map(|(x, (low, high))| (low - x).max(x - high));
     let far = groups.iter().map(|group| group.length(x) - cone);
     beyond.chain(far).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Coordinates without redundancy stand for themselves.
+fn itself(x: &[f64]) -> Representative {
+    Representative { z: x.to_vec(), jac: Mat::identity(x.len(), x.len()) }
 }
 
 impl Seen {
@@ -94,16 +106,20 @@ impl Seen {
         }
         let x = problem.coordinates().nearest(&at);
         let mut lin = problem.linearize(&x).ok()?;
+        let mut prior = 0;
         if let Some(threshold) = objective.threshold {
-            let svd = linalg::svd(lin.jac.as_ref())?;
+            let of = problem.representative(&x).unwrap_or_else(|| itself(&x));
+            let svd = linalg::svd(by_representative(lin.jac.as_ref(), &of).as_ref())?;
             let root = |k: usize| prior_weight(svd.s.get(k).copied().unwrap_or(0.0) / threshold).sqrt();
-            // Directions without a prior have no row: a row of zeros would count in the spread of the residual.
-            let weak: Vec<usize> = (0..x.len()).filter(|&k| root(k) > 0.0).collect();
-            let rows = Mat::from_fn(weak.len(), x.len(), |i, j| root(weak[i]) * svd.v[(j, weak[i])]);
-            lin.r.extend(linalg::mul(rows.as_ref(), &x));
-            lin.jac = faer::concat![[lin.jac], [rows]];
+            // Directions without a prior have no row.
+            let weak: Vec<usize> = (0..of.z.len()).filter(|&k| root(k) > 0.0).collect();
+            let rows = Mat::from_fn(weak.len(), of.z.len(), |i, j| root(weak[i]) * svd.v[(j, weak[i])]);
+            prior = weak.len();
+            lin.r.extend(linalg::mul(rows.as_ref(), &of.z));
+            lin.jac = faer::concat![[lin.jac], [rows * of.jac]];
         }
-        Some(Self { x, r: lin.r, jac: lin.jac, limits, groups, over, form })
+        let blocks = problem.blocks();
+        Some(Self { x, r: lin.r, jac: lin.jac, blocks, prior, limits, groups, over, form })
     }
 
     fn value(&self, objective: &Objective, loss: &dyn Loss) -> f64 {

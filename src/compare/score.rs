@@ -2,12 +2,12 @@
 
 use super::bound::Bound;
 use super::draw::Drawn;
-use super::gauge::representative;
 use super::line::{Consistency, Parameters, Prediction, Score, Verified};
 use super::objective::judged;
 use super::offset::relative_offset;
 use super::tolerance::Tolerance;
 use crate::calibration::Sample;
+use crate::calibration::representative::representative;
 use crate::identify::covariance::variance;
 use crate::identify::score::score;
 use crate::identify::{Fit, Identification};

@@ -1,8 +1,11 @@
 //! Looks over an identifier's shoulder: what it evaluates, how long it takes, how the cost falls.
 
-use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem, cost};
+use crate::problem::{
+    Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem, Representative, cost,
+};
 use crate::solve::{Identifier, Report, Stop};
 use faer::Mat;
+use std::ops::Range;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -244,6 +247,14 @@ impl Problem for Counted<'_> {
             Part { problem: Box::new(problem), members: part.members }
         });
         Some(parts.collect())
+    }
+
+    fn blocks(&self) -> Vec<Range<usize>> {
+        self.problem().blocks()
+    }
+
+    fn representative(&self, x: &[f64]) -> Option<Representative> {
+        self.problem().representative(x)
     }
 
     fn redundant(&self, x: &[f64]) -> Mat<f64> {

@@ -69,6 +69,15 @@ pub struct Compressed {
     pub cost: f64,
 }
 
+/// One description for all those that no residual tells apart: coordinates `z` of what is not redundant.
+#[derive(Clone, Debug)]
+pub struct Representative {
+    /// Coordinates, k <= n, in an orthonormal basis of the complement of the redundancy at 0.
+    pub z: Vec<f64>,
+    /// `dz/dx`, k x n; zero along what is redundant at `x`.
+    pub jac: Mat<f64>,
+}
+
 /// A problem on some of the coordinates alone.
 pub struct Part<'a> {
     /// The problem.
@@ -123,9 +132,19 @@ pub trait Problem: Sync {
         Vec::new()
     }
 
+    /// How many of the last rows are a prior's instead of the data's.
+    fn prior_rows(&self) -> usize {
+        0
+    }
+
     /// Problems on disjoint coordinates whose solutions together solve this one to first order, where it falls apart
     /// into such.
     fn parts(&self) -> Option<Vec<Part<'_>>> {
+        None
+    }
+
+    /// The equivalent description of `x` that has nothing along the redundancy at 0; `None` where nothing is redundant.
+    fn representative(&self, _x: &[f64]) -> Option<Representative> {
         None
     }
 

@@ -5,6 +5,6 @@ pub mod core;
 pub mod dual;
 pub mod formula;
 
-pub use core::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem, cost};
+pub use core::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem, Representative, cost};
 pub use dual::Dual;
 pub use formula::Formula;

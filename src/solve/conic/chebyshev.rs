@@ -4,6 +4,7 @@ use super::here::{Here, Quadratic, complement};
 use super::loss::{Frame, Loss};
 use super::program::{Owner, Program, Solution};
 use crate::linalg;
+use std::ops::Range;
 
 /// `max |r_i|`.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +31,10 @@ impl Loss for Chebyshev {
 
     fn smooth(&self) -> bool {
         false
+    }
+
+    fn arranged(&self, _blocks: &[Range<usize>], _rows: usize, _prior: usize) -> Box<dyn Loss> {
+        Box::new(*self)
     }
 
     fn merit(&self, r: &[f64]) -> f64 {

@@ -1,18 +1,18 @@
 //! The loop round the conic step: successive programs, each accepted or not on the true merit.
 
+use super::arrival::{PROGRESS, REACH, ended, stalled};
+use super::curvature::{Bent, Curvature};
 use super::here::Here;
-use super::kkt::{self, Stationarity};
 use super::limits::Limits;
 use super::loss::Loss;
 use super::penalty::Penalty;
 use super::restore::restore;
 use super::step::{Model, Step};
-use crate::linalg::{self, norm};
+use crate::linalg::norm;
 use crate::problem::{Problem, cost};
 use crate::solve::anchored::SETTLED;
-use crate::solve::damped::column_norms;
 use crate::solve::identifier::Stop;
-use crate::solve::report::{ActiveBound, Criterion, Failure, Iterate, Outcome, Report};
+use crate::solve::report::{Criterion, Failure, Iterate, Outcome, Report};
 
 /// Gain ratio from which a step is accepted.
 const ACCEPT: f64 = 1e-4;
@@ -24,17 +24,11 @@ const ROUNDING: f64 = 1e-11;
 const TRIALS: usize = 40;
 /// Radius, relative to the point, below which nothing is gained by going on.
 const SHORTEST: f64 = 1e-14;
-/// KKT residual at which a run that can go no farther has arrived.
-const ARRIVED: f64 = 1e-6;
-/// Norm of the influence, relative to that at the start, below which a residual counts as none.
-const NO_RESIDUAL: f64 = 1e-8;
-/// Iterations over which a loss without derivative must lower the merit by [`PROGRESS`] of it.
-const SPAN: usize = 5;
-/// See [`SPAN`].
-const PROGRESS: f64 = 1e-3;
 
-/// Distance in tolerances within which a loss without derivative must have nothing better by [`PROGRESS`] of it.
-const REACH: f64 = 1.0;
+/// Step, in tolerances, from which on the curvature that a linear model does not see is worth its price.
+const SHORT_ENOUGH: f64 = 1.0;
+/// Iterations after which it is in any case.
+const LONG: usize = 6;
 /// First radius, in [`REACH`], of a loss without derivative.
 const FIRST: f64 = 2.0;
 /// Share of [`REACH`] that counts as a short step.
@@ -55,13 +49,17 @@ pub struct Descent<'a> {
 }
 
 /// State between iterations.
-struct Point {
-    here: Here,
-    loss: Box<dyn Loss>,
+pub(super) struct Point {
+    pub(super) here: Here,
+    /// The loss asked for, arranged for the rows of the problem.
+    asked: Box<dyn Loss>,
+    /// That in force.
+    pub(super) loss: Box<dyn Loss>,
     metric: Vec<f64>,
     radius: Option<f64>,
-    influence: Option<Vec<f64>>,
-    first_influence: f64,
+    pub(super) influence: Option<Vec<f64>>,
+    pub(super) first_influence: f64,
+    curvature: Option<Curvature>,
 }
 
 enum Trial {
@@ -80,16 +78,7 @@ impl Descent<'_> {
             Ok(here) => here,
             Err(why) => return report.fail(Failure::Start(why)),
         };
-        let mut point = Point {
-            loss: self.loss.at_scale(&here.r),
-            first_influence: norm(&self.loss.influence(&here.r)),
-            metric: Vec::new(),
-            // Without one the first linear program goes to a vertex that is far beyond where it holds.
-            radius: (!self.loss.smooth() && self.problem.has_prior()).then_some(FIRST * REACH),
-            influence: None,
-            here,
-        };
-        self.measure(&mut point);
+        let mut point = self.point(here);
         for _ in 0..self.stop.iterations {
             if let Some(criterion) = self.stationary(&point) {
                 if self.rescale(&mut point) {
@@ -120,6 +109,7 @@ impl Descent<'_> {
                     point.influence = step.influence;
                     let relaxed = self.retune(&mut point);
                     self.measure(&mut point);
+                    self.bend(&mut point, norm(&moved), report.trace.len());
                     if !relaxed
                         && let Some(criterion) = ended(tiny, flat)
                         && !self.rescale(&mut point)
@@ -147,6 +137,24 @@ impl Descent<'_> {
         self.finish(point, report)
     }
 
+    pub(super) fn point(&self, here: Here) -> Point {
+        let asked = self.loss.arranged(&self.problem.blocks(), here.r.len(), self.problem.prior_rows());
+        let loss = asked.at_scale(&here.r);
+        let mut point = Point {
+            first_influence: norm(&loss.influence(&here.r)),
+            metric: Vec::new(),
+            // Without one the first linear program goes to a vertex that is far beyond where it holds.
+            radius: (!self.loss.smooth() && self.problem.has_prior()).then_some(FIRST * REACH),
+            influence: None,
+            curvature: None,
+            asked,
+            loss,
+            here,
+        };
+        self.measure(&mut point);
+        point
+    }
+
     fn model<'m>(&'m self, point: &'m Point) -> Model<'m> {
         Model {
             loss: point.loss.as_ref(),
@@ -157,7 +165,7 @@ impl Descent<'_> {
         }
     }
 
-    fn merit(&self, point: &Point, at: &Here) -> f64 {
+    pub(super) fn merit(&self, point: &Point, at: &Here) -> f64 {
         // Compressed rows lack what no step can reach; the sum of squares has it.
         let unreached = if point.loss.needs_rows() { 0.0 } else { at.cost - cost(&at.r) };
         self.model(point).merit(&at.r, &at.x) + unreached
@@ -172,9 +180,19 @@ impl Descent<'_> {
         }
     }
 
+    /// Renews the curvature of the residual, once steps are short enough for it to hold, after a step of this length.
+    fn bend(&self, point: &mut Point, moved: f64, iterations: usize) {
+        let before = point.curvature.take();
+        if point.loss.smooth() && (moved <= SHORT_ENOUGH || iterations >= LONG) {
+            let (problem, penalty, limits) = (self.problem, &self.penalty, self.limits);
+            let bent = Bent { problem, loss: point.loss.as_ref(), penalty, limits };
+            point.curvature = bent.at(&point.here.x, before);
+        }
+    }
+
     /// Lets an eased loss follow the residual towards the loss asked for; whether it changed.
     fn retune(&self, point: &mut Point) -> bool {
-        let next = self.loss.at_scale(&point.here.r);
+        let next = point.asked.at_scale(&point.here.r);
         let (now, then) = (point.loss.merit(&point.here.r), next.merit(&point.here.r));
         // On the way an eased loss only tightens: the merit may not swing.
         if then < now * (1.0 - FLAT) {
@@ -188,7 +206,7 @@ impl Descent<'_> {
     /// it is another one. Where the data never come to the loss asked for, the solution is the point whose own
     /// residual eases it to the loss that the point minimises.
     fn rescale(&self, point: &mut Point) -> bool {
-        let next = self.loss.at_scale(&point.here.r);
+        let next = point.asked.at_scale(&point.here.r);
         let (now, then) = (point.loss.merit(&point.here.r), next.merit(&point.here.r));
         if (then - now).abs() <= FLAT * now {
             return false;
@@ -197,29 +215,6 @@ impl Descent<'_> {
         point.influence = None;
         point.radius = None;
         true
-    }
-
-    fn stationarity(&self, point: &Point, at: &Here) -> Stationarity {
-        let influence = match &point.influence {
-            Some(influence) => influence.clone(),
-            None => point.loss.influence(&at.r),
-        };
-        let gradient = linalg::mul_transpose(at.jac.as_ref(), &influence);
-        let full = if point.loss.needs_rows() { norm(&influence) } else { (2.0 * at.cost).sqrt() };
-        let size = full.max(NO_RESIDUAL * point.first_influence).max(f64::MIN_POSITIVE);
-        let measure = kkt::measure(&column_norms(&at.jac), size, &self.penalty, &at.x);
-        let groups = self.problem.groups();
-        kkt::stationarity(&gradient, &measure, &at.x, &self.penalty, self.limits, groups)
-    }
-
-    fn stationary(&self, point: &Point) -> Option<Criterion> {
-        if self.merit(point, &point.here) == 0.0 {
-            Some(Criterion::Zero)
-        } else if self.stationarity(point, &point.here).residual <= self.stop.gradient {
-            Some(Criterion::Gradient)
-        } else {
-            None
-        }
     }
 
     /// Further steps from where gradient or cost end a run, each at most half as long as the one before, until they are
@@ -232,7 +227,12 @@ impl Descent<'_> {
         let mut last = f64::INFINITY;
         let exact = point.loss.smooth() && self.penalty.group == 0.0;
         while exact && report.trace.len() < self.stop.iterations {
-            let Ok(step) = self.model(point).step(&point.here, point.radius) else { return };
+            let Ok(step) = self
+                .model(point)
+                .step(&point.here.bent(point.curvature.as_ref().map(|bent| &bent.rows)), point.radius)
+            else {
+                return;
+            };
             let Ok(there) = Here::at(self.problem, &step.u, point.loss.needs_rows()) else { return };
             let (before, after) = (self.merit(point, &point.here), self.merit(point, &there));
             let residual = |at: &Here| self.stationarity(point, at).residual;
@@ -244,6 +244,7 @@ impl Descent<'_> {
             }
             report.trace.push(Iterate { cost: after, step: step.length, kept: None });
             point.here = there;
+            self.bend(point, step.length, report.trace.len());
             last = step.length;
             if last <= SETTLED * self.reach(point) {
                 return;
@@ -255,7 +256,10 @@ impl Descent<'_> {
         let merit = self.merit(point, &point.here);
         let mut refused = None;
         for _ in 0..TRIALS {
-            let step = match self.model(point).step(&point.here, point.radius) {
+            let step = match self
+                .model(point)
+                .step(&point.here.bent(point.curvature.as_ref().map(|bent| &bent.rows)), point.radius)
+            {
                 Ok(step) => step,
                 Err(why) => {
                     refused = Some(Failure::Inner(why.0));
@@ -305,70 +309,9 @@ impl Descent<'_> {
         Trial::Ended(Outcome::Failed(refused.unwrap_or(Failure::NoDescent)))
     }
 
-    fn arrived(&self, point: &Point) -> bool {
-        self.stationarity(point, &point.here).residual <= ARRIVED
-    }
-
-    /// Whether the dual weights of the last program prove that the linearised problem has no point within [`REACH`]
-    /// that costs less by more than [`PROGRESS`]. The proof is computed from the problem's own rows: clarabel is not
-    /// believed. With weights `y`, `loss(r + J d) >= y'r + (J'y)'d >= y'r - |J'y| |d|`, where what a limit holds back
-    /// does not count.
-    fn proved(&self, point: &Point) -> bool {
-        let (Some(weights), true) = (&point.influence, self.problem.has_prior()) else {
-            return false;
-        };
-        let Some(supported) = point.loss.supported(&point.here.r, weights) else {
-            return false;
-        };
-        let x = &point.here.x;
-        let mut slope = linalg::mul_transpose(point.here.jac.as_ref(), weights);
-        for (i, slope) in slope.iter_mut().enumerate() {
-            let held = if *slope < 0.0 { x[i] >= self.limits.upper[i] } else { x[i] <= self.limits.lower[i] };
-            if held {
-                *slope = 0.0;
-            }
-        }
-        let merit = self.merit(point, &point.here);
-        merit - (supported - REACH * norm(&slope)) <= PROGRESS * merit
-    }
-
     fn reach(&self, point: &Point) -> f64 {
         point.metric.iter().zip(&point.here.x).map(|(d, x)| (d * x).powi(2)).sum::<f64>().sqrt().max(1.0)
     }
-
-    fn finish(&self, point: Point, mut report: Report) -> Report {
-        let stationarity = self.stationarity(&point, &point.here);
-        let (params, groups) = (self.problem.params(), self.problem.groups());
-        report.active = stationarity
-            .bounds
-            .iter()
-            .map(|&(i, limit, multiplier)| ActiveBound { name: params[i].name.clone(), limit, multiplier })
-            .chain(stationarity.cones.iter().map(|&(g, multiplier)| ActiveBound {
-                name: groups[g].name.clone(),
-                limit: self.limits.cone,
-                multiplier,
-            }))
-            .collect();
-        report.kkt = Some(stationarity.residual);
-        report.cost = point.here.cost;
-        report.x = point.here.x;
-        report
-    }
-}
-
-fn ended(tiny: bool, flat: bool) -> Option<Criterion> {
-    if tiny {
-        Some(Criterion::Step)
-    } else if flat {
-        Some(Criterion::Cost)
-    } else {
-        None
-    }
-}
-
-fn stalled(trace: &[Iterate]) -> bool {
-    let before = trace.len().checked_sub(SPAN + 1).and_then(|index| trace.get(index));
-    before.zip(trace.last()).is_some_and(|(before, last)| before.cost - last.cost < PROGRESS * last.cost)
 }
 
 /// The next radius: shorter after a poor step, none again after a good one that it did not limit.

@@ -3,6 +3,7 @@
 use crate::linalg;
 use crate::problem::{Compressed, Linearized, Problem};
 use faer::Mat;
+use std::borrow::Cow;
 
 /// Norm of a row, relative to the largest, up to which it is rounding.
 const EMPTY: f64 = 1e-14;
@@ -59,6 +60,14 @@ impl Here {
     pub fn predict(&self, u: &[f64]) -> Vec<f64> {
         let step: Vec<f64> = u.iter().zip(&self.x).map(|(u, x)| u - x).collect();
         linalg::mul(self.jac.as_ref(), &step).iter().zip(&self.r).map(|(d, r)| d + r).collect()
+    }
+
+    /// The same model with the curvature `|rows (u - x)|^2 / 2` besides.
+    pub fn bent(&self, rows: Option<&Mat<f64>>) -> Cow<'_, Self> {
+        let Some(rows) = rows else { return Cow::Borrowed(self) };
+        let mut r = self.r.clone();
+        r.resize(r.len() + rows.nrows(), 0.0);
+        Cow::Owned(Self { x: self.x.clone(), r, jac: faer::concat![[self.jac], [rows]], cost: self.cost })
     }
 
     /// The rows with the given indices, compressed.

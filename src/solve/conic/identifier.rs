@@ -9,7 +9,7 @@ use super::penalty::Penalty;
 use super::step::Model;
 use super::weight::{self, WeightRule};
 use crate::problem::{Form, Problem};
-use crate::solve::anchored::{SETTLED, settle};
+use crate::solve::anchored::{Anchored, SETTLED, settle};
 use crate::solve::identifier::{Identifier, SettingError, Stop};
 use crate::solve::objective::Objective;
 use crate::solve::reduced::Reduced;
@@ -18,6 +18,8 @@ use crate::solve::settings;
 
 /// Ridge, in tolerance units, that chooses the smallest among solutions that data and penalty cannot tell apart.
 const TIE: f64 = 1e-8;
+/// The same among equivalent descriptions within limits, where far ones may gain a last trifle: they are curved.
+const TIE_WITHIN_LIMITS: f64 = 1e-7;
 /// Signal-to-noise ratio up to which, without a penalty, a direction has the prior's full weight (see `minimal`).
 const THRESHOLD: f64 = 1.0;
 
@@ -272,15 +274,27 @@ fn unlimited(problem: &dyn Problem, loss: &dyn Loss, stop: &Stop, report: Report
 
 /// The optimum from `report.x`, the prior's weights those that belong to it.
 fn settled(problem: &dyn Problem, loss: &dyn Loss, limits: &Limits, stop: &Stop, report: Report) -> Report {
+    // Along what is redundant nothing but the limits decides: of all equals the smallest.
+    let ties = problem.has_prior() && loss.smooth() && !limits.none();
+    let penalty = Penalty { ridge: if ties { TIE_WITHIN_LIMITS } else { 0.0 }, ..Penalty::default() };
     let to = |loss: &dyn Loss, way: f64, report: Report| {
         let start = report.x.clone();
         settle(problem, &start, THRESHOLD, way, stop, report.clone(), |problem, from, stop| {
             let report = Report { x: from.to_vec(), ..report.clone() };
-            Descent { problem, loss, penalty: Penalty::default(), limits, stop }.run(from, report)
+            Descent { problem, loss, penalty, limits, stop }.run(from, report)
         })
     };
     if loss.smooth() {
-        return to(loss, SETTLED, report);
+        let mut report = to(loss, SETTLED, report);
+        if report.outcome.converged()
+            && problem.has_prior()
+            && let Ok(here) = problem.compress(&report.x)
+            && let Some(anchored) = Anchored::at(problem, &report.x, &here, THRESHOLD)
+        {
+            // Of the weights that belong to the solution, not of those under which it was found.
+            Descent { problem: &anchored, loss, penalty, limits, stop }.judge(&mut report);
+        }
+        return report;
     }
     // Linear programs are dear: least squares leads near the solution.
     let near = to(&LeastSquares, COARSE, report.clone());

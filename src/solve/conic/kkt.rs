@@ -4,8 +4,6 @@ use super::limits::Limits;
 use super::penalty::Penalty;
 use crate::problem::Group;
 
-/// How nearly a cone is reached to count as active.
-const REACHED: f64 = 1e-10;
 /// Smallest column of the Jacobian, relative to the largest, against which a gradient is measured.
 const COLUMN: f64 = 1e-8;
 
@@ -47,7 +45,7 @@ pub fn stationarity(
     let at_bound = |i: usize| x[i] >= limits.upper[i] || x[i] <= limits.lower[i];
     let mut cones = Vec::new();
     for (index, group) in groups.iter().enumerate() {
-        if limits.cone == f64::INFINITY || group.length(x) < limits.cone * (1.0 - REACHED) {
+        if !limits.reaches_cone(group.length(x)) {
             continue;
         }
         let (mut along, mut square) = (0.0, 0.0);

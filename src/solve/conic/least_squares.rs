@@ -6,6 +6,7 @@ use super::program::Program;
 use crate::linalg;
 use crate::problem::cost;
 use faer::{Accum, Mat, MatRef, Par};
+use std::ops::Range;
 
 /// `|r|^2 / 2`.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +19,10 @@ impl Loss for LeastSquares {
 
     fn needs_rows(&self) -> bool {
         false
+    }
+
+    fn arranged(&self, _blocks: &[Range<usize>], _rows: usize, _prior: usize) -> Box<dyn Loss> {
+        Box::new(*self)
     }
 
     fn merit(&self, r: &[f64]) -> f64 {

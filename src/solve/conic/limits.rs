@@ -5,6 +5,9 @@ use super::program::Program;
 use super::{bounds, cones};
 use crate::problem::{Group, Problem};
 
+/// How nearly a cone is reached to count as active.
+const REACHED: f64 = 1e-10;
+
 /// Box and cones on `x`.
 #[derive(Clone, Debug)]
 pub struct Limits {
@@ -49,6 +52,11 @@ impl Limits {
         if self.cone < f64::INFINITY {
             cones::pose(program, frame, self.cone, groups);
         }
+    }
+
+    /// Whether a group of this length is at the limit of its cone.
+    pub fn reaches_cone(&self, length: f64) -> bool {
+        self.cone < f64::INFINITY && length >= self.cone * (1.0 - REACHED)
     }
 
     /// Moves `x` into the box.

@@ -6,6 +6,8 @@ use super::huber::Huber;
 use super::least_squares::LeastSquares;
 use super::program::{Program, Solution};
 
+use std::ops::Range;
+
 /// The step variables of a program in terms of the point: `u_i = x_i + unit_i step_i`.
 #[derive(Clone, Debug)]
 pub struct Frame<'a> {
@@ -30,6 +32,10 @@ pub trait Loss: Send + Sync + std::fmt::Debug {
     fn smooth(&self) -> bool {
         true
     }
+
+    /// The same for a residual of so many rows, of which the last `prior` are a prior's; `blocks` are those measured
+    /// together, empty where every row stands for itself.
+    fn arranged(&self, blocks: &[Range<usize>], rows: usize, prior: usize) -> Box<dyn Loss>;
 
     /// Cost of a residual (m, or compressed where rows are not needed).
     fn merit(&self, r: &[f64]) -> f64;
@@ -69,11 +75,11 @@ pub trait Loss: Send + Sync + std::fmt::Debug {
 /// Names of the losses.
 pub const LOSSES: &[&str] = &["least-squares", "huber", "minimax"];
 
-/// The loss of that name; `delta` is Huber's threshold in standard deviations.
+/// The loss of that name, before it is arranged; `delta` is Huber's threshold in standard deviations.
 pub fn loss(name: &str, delta: f64) -> Option<Box<dyn Loss>> {
     match name {
         "least-squares" => Some(Box::new(LeastSquares)),
-        "huber" => Some(Box::new(Huber { delta })),
+        "huber" => Some(Box::new(Huber { delta, blocks: None })),
         "minimax" => Some(Box::new(Chebyshev)),
         _ => None,
     }

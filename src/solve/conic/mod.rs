@@ -1,9 +1,11 @@
 //! Identification as a sequence of conic programs (docs/theory.md section 9): a loss, penalties and limits, each in
 //! a file of its own, composed into one step and solved by clarabel.
 
+pub mod arrival;
 pub mod bounds;
 pub mod chebyshev;
 pub mod cones;
+pub mod curvature;
 pub mod descent;
 pub mod group_lasso;
 pub mod here;

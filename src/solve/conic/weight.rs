@@ -1,6 +1,7 @@
 //! The weight of a penalty: given, or chosen on the linearised problem by what it predicts or leaves over.
 
 use super::here::{Here, complement};
+use super::loss::Loss;
 use super::step::Model;
 use crate::problem::Problem;
 use crate::solve::report::WeightPoint;
@@ -54,12 +55,13 @@ pub fn choose<'a>(
     }
     let rows = Here::at(problem, x, true)?;
     let m = rows.r.len();
+    let blocks = problem.blocks();
     let held = match rule {
-        WeightRule::CrossValidation => folds(&problem.blocks(), m)?,
+        WeightRule::CrossValidation => folds(&blocks, m)?,
         _ => vec![Vec::new()],
     };
-    let needs_rows = with(1.0).loss.needs_rows();
-    let parts: Vec<Part> = held.into_iter().map(|held| Part::without(held, &rows, needs_rows)).collect();
+    let loss = with(1.0).loss;
+    let parts: Vec<Part> = held.into_iter().map(|held| Part::without(held, &rows, &blocks, loss)).collect();
     let mut curve: Vec<(WeightPoint, Vec<Vec<f64>>)> = Vec::new();
     let attempt = |weight: f64, half_decades: i32, near: &[Vec<f64>]| {
         // Between neighbouring half decades few coordinates of the lasso come or go: Newton steps from one solution to the
@@ -145,21 +147,35 @@ fn folds(blocks: &[Range<usize>], rows: usize) -> Result<Vec<Vec<usize>>, String
 struct Part {
     here: Here,
     held: Vec<usize>,
+    /// Cost of the rows that it sees, and of the others.
+    losses: [Box<dyn Loss>; 2],
 }
 
 impl Part {
-    fn without(held: Vec<usize>, rows: &Here, needs_rows: bool) -> Self {
+    fn without(held: Vec<usize>, rows: &Here, blocks: &[Range<usize>], loss: &dyn Loss) -> Self {
         let seen = complement(&held, rows.r.len());
         let x = rows.x.clone();
-        let here = if needs_rows {
+        let here = if loss.needs_rows() {
             let jac = faer::Mat::from_fn(seen.len(), x.len(), |i, j| rows.jac[(seen[i], j)]);
             let r: Vec<f64> = seen.iter().map(|&i| rows.r[i]).collect();
             Here { x, cost: crate::problem::cost(&r), r, jac }
         } else {
             Here::compressed(x, rows.compress(&seen))
         };
-        Self { here, held }
+        let losses = [&seen, &held].map(|of| loss.arranged(&renumbered(blocks, of), of.len(), 0));
+        Self { here, held, losses }
     }
+}
+
+/// The blocks that `rows`, ascending and of whole blocks, consist of, by their places among these.
+fn renumbered(blocks: &[Range<usize>], rows: &[usize]) -> Vec<Range<usize>> {
+    let mut next = 0;
+    let taken = blocks.iter().filter(|block| rows.binary_search(&block.start).is_ok());
+    let block = |block: &Range<usize>| {
+        next += block.len();
+        next - block.len()..next
+    };
+    taken.map(block).collect()
 }
 
 /// The fits of all parts, each from the point near which it may be by way of the solutions of `path`, and what their rows
@@ -174,7 +190,9 @@ fn score(
 ) -> Result<(f64, Vec<Vec<f64>>), String> {
     let of_part = |(part, near): (&Part, &Vec<f64>)| {
         let mut near = near.clone();
+        let model = &Model { loss: part.losses[0].as_ref(), ..model.clone() };
         for larger in path {
+            let larger = Model { loss: part.losses[0].as_ref(), ..larger.clone() };
             near = larger.solution_near(&part.here, &near, PATH_PASSES).unwrap_or(near);
         }
         let fit = model.step_near(&part.here, None, &near, PATH_PASSES).map_err(|why| why.0)?.u;
@@ -183,7 +201,7 @@ fn score(
             predicted.iter().map(|v| v * v).sum()
         } else {
             let residual: Vec<f64> = part.held.iter().map(|&i| predicted[i]).collect();
-            2.0 * model.loss.merit(&residual)
+            2.0 * part.losses[1].merit(&residual)
         };
         Ok((cost, fit))
     };
