@@ -1,5 +1,7 @@
 //! Everything that can be wrong with a file, in words that say what to do.
 
+use crate::model::mobility::MobilityError;
+
 /// What is wrong at a place of a file.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "each variant's message is its documentation")]
@@ -50,6 +52,8 @@ pub enum Fault {
     #[error("bounds on a link that is held (tolerance 0): remove them, or give it a tolerance")]
     BoundsOnHeld,
 
+    #[error("{0}")]
+    NoMachine(Box<MobilityError>),
     #[error("there is no limb; draw at least one")]
     NoLimb,
     #[error("the limb has no joints; draw at least one")]

@@ -15,7 +15,7 @@ use super::place::Place;
 use super::result::{RESULT_FORMAT, ResultFile};
 use super::uncertainty::LinkUncertainty;
 use super::units::Units;
-use crate::model::{Constant, Mechanism};
+use crate::model::{Constant, Mechanism, mobility};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -174,6 +174,8 @@ pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<P
     let truth = drawing.truth.as_ref().map(|truth| truth.read(units, &at_truth)).transpose()?;
     let truth = truth.map(|truth| Mechanism { instrument: constants, ..truth.mechanism });
     if let Some(truth) = &truth {
+        mobility::check_structure(truth, &truth.nominal())
+            .map_err(|why| at_truth.error(Fault::NoMachine(Box::new(why))))?;
         let (found, wanted) = (truth.actuator_count(), mechanism.actuator_count());
         if found != wanted {
             let (found, wanted) = (truth.actuator_names().join(", "), mechanism.actuator_names().join(", "));
@@ -184,7 +186,8 @@ pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<P
     Ok(ProblemFile { file, name, drawing, units, mechanism, data, holdout, truth, without_tolerance })
 }
 
-/// Reads the machine of a problem file, or the calibrated machine of a result file. Data are not looked for.
+/// Reads the machine of a problem file, or the calibrated machine of a result file, and refuses what is none. Data are
+/// not looked for.
 pub fn read_model(path: &Path) -> Result<Model, FileError> {
     parse_model(path, &json::read(path)?)
 }
@@ -211,7 +214,15 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
         _ => return Err(head.wrong(&file, "gough-problem/1 or gough-result/1")),
     };
     name::check_characters(&name, &at.key("name"))?;
-    let mechanism = mechanism.read(units, &at.key("mechanism"))?.mechanism;
+    let at_mechanism = at.key("mechanism");
+    let mechanism = mechanism.read(units, &at_mechanism)?.mechanism;
+    // Where an identification failed, its machine need not close: only its structure is that of a machine.
+    let geometry = mechanism.nominal();
+    let checked = match converged {
+        true => mobility::check(&mechanism, &geometry).map(|_| ()),
+        false => mobility::check_structure(&mechanism, &geometry),
+    };
+    checked.map_err(|why| at_mechanism.error(Fault::NoMachine(Box::new(why))))?;
     let links = mechanism.component_count() / 6;
     let at_uncertainty = at.key("uncertainty");
     let uncertainty = uncertainty.map(|u| u.read(links, units, &at_uncertainty)).transpose()?;

@@ -150,6 +150,9 @@ impl Posture {
     /// the platform. The gaps must have been measured.
     fn newton_step(&self, mechanism: &Mechanism, steps: &mut [f64]) -> bool {
         let mut rhs = Vector6::zeros();
+        if self.splits.iter().map(|split| split.wrenches().len()).sum::<usize>() != rhs.len() {
+            return false;
+        }
         let mut row = 0;
         for (split, gap) in self.splits.iter().zip(&self.gaps) {
             for wrench in split.wrenches() {

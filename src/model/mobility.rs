@@ -68,6 +68,28 @@ pub fn check(mechanism: &Mechanism, geometry: &Geometry) -> Result<Posture, Mobi
     if mechanism.actuator_count() == 0 {
         return Err(MobilityError::NoActuator);
     }
+    check_structure(mechanism, geometry)?;
+    let mut posture = Posture::new(mechanism);
+    match posture.close(mechanism, geometry) {
+        Ok(()) => Ok(posture),
+        Err(NotClosed::Singular { smallest }) => {
+            Err(MobilityError::Singular { smallest, motion: posture.free_motion() })
+        }
+        Err(why) => match posture.singularity_at_home(mechanism, geometry) {
+            Some((smallest, motion)) => Err(MobilityError::Singular { smallest, motion }),
+            None => Err(MobilityError::Open(why)),
+        },
+    }
+}
+
+/// Checks what holds for the machine wherever it stands: no limb spins, and the limbs transmit six wrenches to the
+/// platform in all.
+pub fn check_structure(mechanism: &Mechanism, geometry: &Geometry) -> Result<(), MobilityError> {
+    check_limbs(mechanism, geometry)?;
+    check_wrenches(mechanism)
+}
+
+fn check_limbs(mechanism: &Mechanism, geometry: &Geometry) -> Result<(), MobilityError> {
     let mut posture = Posture::new(mechanism);
     let jacobians = posture.passive_jacobians(mechanism, geometry);
     for (limb, jacobian) in mechanism.limbs.iter().zip(&jacobians) {
@@ -78,6 +100,10 @@ pub fn check(mechanism: &Mechanism, geometry: &Geometry) -> Result<Posture, Mobi
             return Err(MobilityError::LimbSpins { limb: limb.name.clone(), joints: names.join(", ") });
         }
     }
+    Ok(())
+}
+
+fn check_wrenches(mechanism: &Mechanism) -> Result<(), MobilityError> {
     let counts: Vec<usize> = mechanism.limbs.iter().map(|limb| 6 - limb.passive_count().min(6)).collect();
     let wrenches: usize = counts.iter().sum();
     let words: Vec<String> =
@@ -89,16 +115,7 @@ pub fn check(mechanism: &Mechanism, geometry: &Geometry) -> Result<Posture, Mobi
     if wrenches < 6 {
         return Err(MobilityError::UnderActuated { wrenches, per_limb });
     }
-    match posture.close(mechanism, geometry) {
-        Ok(()) => Ok(posture),
-        Err(NotClosed::Singular { smallest }) => {
-            Err(MobilityError::Singular { smallest, motion: posture.free_motion() })
-        }
-        Err(why) => match posture.singularity_at_home(mechanism, geometry) {
-            Some((smallest, motion)) => Err(MobilityError::Singular { smallest, motion }),
-            None => Err(MobilityError::Open(why)),
-        },
-    }
+    Ok(())
 }
 
 /// Columns that take part in the dependency of a 6 x m matrix, if there is one.

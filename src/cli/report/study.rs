@@ -11,7 +11,7 @@ use crate::identify::residuals::{Residual, residuals};
 use crate::identify::run::placed;
 use crate::identify::{Covariance, NoiseEstimate, Visibility, score};
 use crate::model::mechanism::pose_difference;
-use crate::model::{Constant, Geometry, Mechanism, Quantity};
+use crate::model::{Constant, Geometry, Mechanism, Quantity, mobility};
 use crate::problem::Form;
 use crate::simulate::close;
 use crate::solve::Estimate;
@@ -128,6 +128,7 @@ fn study(result: &ResultFile, model: &Model, problem: ProblemFile) -> Result<Stu
     if !deviations.iter().all(|v| v.is_finite()) {
         return Err("the result's deviations are not finite: the identifier diverged".into());
     }
+    mobility::check(drawn, &drawn.nominal()).map_err(|why| format!("mechanism: {why}"))?;
     if problem.data.is_empty() {
         return Err("it has no samples".into());
     }
