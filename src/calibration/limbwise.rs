@@ -192,7 +192,7 @@ fn add(sum: &mut [f64; 6], factor: f64, v: &[f64; 6]) {
 impl Calibration<'_> {
     /// Every limb by itself with the coordinates that are its own, where every posture was measured as a whole pose.
     pub fn limbs(&self) -> Option<Vec<(LimbProblem<'_>, Range<usize>)>> {
-        let by_posture = self.starts.iter().map(|start| {
+        let by_posture = self.starts.taking.iter().map(|start| {
             let count = 1 + start.others.len();
             start.samples().map(|sample| WholePose::of(sample, count)).collect::<Option<Vec<_>>>()
         });
@@ -203,8 +203,8 @@ impl Calibration<'_> {
             let own = joint..joint + limb.joints.len();
             joint = own.end;
             let mut starts = Vec::with_capacity(self.sample_count());
-            for (start, poses) in self.starts.iter().zip(&poses) {
-                let turns = start.turns.get(own.clone())?;
+            for (start, poses) in self.starts.taking.iter().zip(&poses) {
+                let turns = start.closing.turns.get(own.clone())?;
                 let each = start.samples().zip(poses);
                 starts.extend(each.map(|(s, pose)| LimbStart { name: &s.name, turns, pose: pose.clone() }));
             }

@@ -1,6 +1,7 @@
 //! A machine and its measurements as a least-squares problem.
 
 mod approach;
+mod closing;
 pub mod coordinates;
 pub mod evaluate;
 pub mod limbwise;
@@ -10,6 +11,7 @@ mod redundancy;
 pub mod representative;
 pub mod rows;
 pub mod sample;
+mod starts;
 mod structural;
 mod transforms;
 

@@ -2,46 +2,22 @@
 
 use super::coordinates::Coordinates;
 use super::evaluate::PostureRows;
-use super::postures::{ByPosture, telling};
 use super::representative::with_derivative;
 use super::rows::RowWriter;
 use super::sample::{Postures, Sample, SetAside};
+use super::starts::{Start, Starts};
 use crate::linalg::{RowBlock, RowStream};
 use crate::measure::Evaluation;
-use crate::model::{Geometry, Mechanism, NotClosed, Posture, Turn};
+use crate::model::{Geometry, Mechanism, NotClosed};
 use crate::problem::{Compressed, EvalError, Form, Group, Linearized, Param, Part, Problem, Representative};
 use crate::wide::narrow;
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
-use std::iter;
 use std::ops::Range;
 use std::sync::OnceLock;
 
 /// Postures that one thread takes at a time; fixed, so that results do not depend on how many threads there are.
 const CHUNK: usize = 128;
-
-/// A measured posture and the joint variables from which its closure starts.
-#[derive(Clone, Debug)]
-pub(super) struct Start<'a> {
-    /// The first of its samples.
-    pub(super) sample: &'a Sample,
-    /// The others.
-    pub(super) others: Vec<&'a Sample>,
-    pub(super) turns: Vec<Turn>,
-    /// Of the second posture; empty where there is one.
-    second: Vec<Turn>,
-}
-
-impl<'a> Start<'a> {
-    pub(super) fn samples(&self) -> impl Iterator<Item = &'a Sample> {
-        iter::once(self.sample).chain(self.others.iter().copied())
-    }
-
-    /// Number of residuals.
-    fn rows(&self) -> usize {
-        self.samples().map(|sample| sample.measurement.rows()).sum()
-    }
-}
 
 /// A machine with measurements, in the coordinates of one [`Form`].
 #[derive(Clone, Debug)]
@@ -50,8 +26,7 @@ pub struct Calibration<'a> {
     pub(super) coordinates: Coordinates,
     /// Postures at home, from which those of a thread are copied.
     home: Postures,
-    pub(super) starts: Vec<Start<'a>>,
-    set_aside: Vec<SetAside>,
+    pub(super) starts: Starts<'a>,
     params: Vec<Param>,
     groups: Vec<Group>,
     /// Those of the minimal form, once they are asked for.
@@ -67,8 +42,7 @@ impl<'a> Calibration<'a> {
             mechanism,
             coordinates,
             home: Postures::new(mechanism),
-            starts: Vec::new(),
-            set_aside: Vec::new(),
+            starts: Starts::default(),
             params,
             groups,
             minimal: OnceLock::new(),
@@ -77,76 +51,47 @@ impl<'a> Calibration<'a> {
         problem
     }
 
-    /// Closes every sample anew at deviations `at` (rad, m) and sets aside those that do not close, and those whose
-    /// wrench matrix has a ratio of extreme singular values below `least`.
-    pub fn take_back(&mut self, samples: &'a [Sample], at: &[f64], least: f64) {
+    /// Closes every sample at deviations `at` (rad, m), from where it was closed before, and sets aside those that do not
+    /// close. Where `least` is positive, those wait whose wrench matrix has a smaller ratio of extreme singular values, and
+    /// those whose reading has little to do with the posture that closes. Returns whether other samples take part than
+    /// before, or in other postures.
+    pub fn take_back(&mut self, samples: &'a [Sample], at: &[f64], least: f64) -> bool {
         let geometry = self.mechanism.deviated(at);
-        let close = |postures: &mut Postures, sample: &Sample| {
-            sample.close_all(self.mechanism, &geometry, postures)?;
-            let two = sample.measurement.second().is_some();
-            let regular = |at: bool, posture: &Posture| if at { posture.regularity() } else { 1.0 };
-            let smallest =
-                regular(least > 0.0, &postures.first).min(regular(least > 0.0 && two, &postures.second));
-            if smallest < least {
-                return Err(NotClosed::Singular { smallest });
-            }
-            let second = if two { postures.second.turns().to_vec() } else { Vec::new() };
-            Ok((postures.first.turns().to_vec(), second))
-        };
-        let of_posture = |postures: &mut Postures, of: &[usize]| -> Result<Start<'a>, Vec<SetAside>> {
-            let named = |reason: NotClosed| {
-                let aside = |i: &usize| SetAside {
-                    sample: *i,
-                    name: samples[*i].name.clone(),
-                    reason: reason.clone(),
-                };
-                of.iter().map(aside).collect::<Vec<_>>()
-            };
-            let all = of.iter().map(|i| &samples[*i]);
-            let Some((first, telling)) = of.first().zip(telling(all)) else { return Err(Vec::new()) };
-            let (turns, second) = close(postures, telling).map_err(named)?;
-            let others = of[1..].iter().map(|i| &samples[*i]).collect();
-            Ok(Start { sample: &samples[*first], others, turns, second })
-        };
-        let by_posture = ByPosture::of(samples);
-        let new = || self.home.clone();
-        let closed: Vec<Result<Start<'a>, Vec<SetAside>>> = if self.mechanism.is_open_chain() {
-            // Nothing to close: sharing the work among threads would cost more than it.
-            let mut postures = new();
-            by_posture.iter().map(|of| of_posture(&mut postures, of)).collect()
-        } else {
-            let each: Vec<&[usize]> = by_posture.iter().collect();
-            each.par_iter().map_init(new, |postures, of| of_posture(postures, of)).collect()
-        };
-        self.starts.clear();
-        self.set_aside.clear();
-        for outcome in closed {
-            match outcome {
-                Ok(start) => self.starts.push(start),
-                Err(set_aside) => self.set_aside.extend(set_aside),
-            }
-        }
-        self.set_aside.sort_by_key(|aside| aside.sample);
+        self.starts.take_back((self.mechanism, &geometry, &self.home), samples, least)
+    }
+
+    /// Tries other postures for the samples `doubted` (indices) with links that the others gave, `at` (rad, m). Where one
+    /// explains the reading, the sample is closed there from now on or, where that is another assembly mode than the one
+    /// that was followed, takes no part: so near to each other, nothing else tells the modes apart. Returns whether any
+    /// did.
+    pub fn reconsider(&mut self, samples: &'a [Sample], doubted: &[usize], at: &[f64]) -> bool {
+        let geometry = self.mechanism.deviated(at);
+        self.starts.reconsider((self.mechanism, &geometry, &self.home), samples, doubted)
+    }
+
+    /// The samples, those that close to be closed from where they are closed here.
+    pub fn closed(&self, samples: &[Sample]) -> Vec<Sample> {
+        self.starts.closed(samples)
     }
 
     /// Samples that take no part, and why.
     pub fn set_aside(&self) -> &[SetAside] {
-        &self.set_aside
+        &self.starts.set_aside
     }
 
     /// Number of samples that take part.
     pub fn sample_count(&self) -> usize {
-        self.starts.iter().map(|start| 1 + start.others.len()).sum()
+        self.starts.taking.iter().map(|start| 1 + start.others.len()).sum()
     }
 
     /// Number of postures that take part.
     pub fn posture_count(&self) -> usize {
-        self.starts.len()
+        self.starts.taking.len()
     }
 
     /// Names of the samples of each posture that takes part.
     pub fn names_of_postures(&self) -> impl Iterator<Item = Vec<&'a str>> + '_ {
-        self.starts.iter().map(|start| start.samples().map(|sample| sample.name.as_str()).collect())
+        self.starts.taking.iter().map(|start| start.samples().map(|sample| sample.name.as_str()).collect())
     }
 
     /// The coordinates.
@@ -156,12 +101,12 @@ impl<'a> Calibration<'a> {
 
     /// Number of residuals of the samples that take part.
     pub fn rows(&self) -> usize {
-        self.starts.iter().map(Start::rows).sum()
+        self.starts.taking.iter().map(Start::rows).sum()
     }
 
     /// Number of residuals of each posture that takes part: in evaluations they stand one after the other.
     pub fn rows_of_postures(&self) -> impl Iterator<Item = usize> + '_ {
-        self.starts.iter().map(Start::rows)
+        self.starts.taking.iter().map(Start::rows)
     }
 
     /// Closes each posture of a chunk in turn and hands it on with the rows of its samples.
@@ -175,10 +120,10 @@ impl<'a> Calibration<'a> {
         let mut rows = PostureRows::default();
         for start in starts {
             let open = |why: NotClosed| EvalError(format!("{}: {}", start.sample.name, why.unitless()));
-            postures.first.set_turns(&start.turns);
+            postures.first.set_turns(&start.closing.turns);
             postures.first.close(self.mechanism, geometry).map_err(open)?;
             if start.sample.measurement.second().is_some() {
-                postures.second.set_turns(&start.second);
+                postures.second.set_turns(&start.closing.second);
                 postures.second.close(self.mechanism, geometry).map_err(open)?;
             }
             visit(&postures, rows.evaluate(start.samples(), &postures, geometry)?);
@@ -191,10 +136,10 @@ impl<'a> Calibration<'a> {
         &self,
         work: impl Fn(&[Start<'_>]) -> Result<T, EvalError> + Sync + Send,
     ) -> Result<Vec<T>, EvalError> {
-        if self.starts.len() <= CHUNK {
-            return Ok(vec![work(&self.starts)?]);
+        if self.starts.taking.len() <= CHUNK {
+            return Ok(vec![work(&self.starts.taking)?]);
         }
-        self.starts.par_chunks(CHUNK).map(work).collect()
+        self.starts.taking.par_chunks(CHUNK).map(work).collect()
     }
 
     /// Compressed rows in slice columns, before coordinates are chosen.
@@ -231,7 +176,7 @@ impl<'a> Calibration<'a> {
         data.resize(total * (self.coordinates.slice_count() + 1), 0.0);
         let mut first = 0;
         let mut writer = RowWriter::default();
-        self.visit(&self.starts, geometry, |postures, sample| {
+        self.visit(&self.starts.taking, geometry, |postures, sample| {
             let block = RowBlock::new(data, total, first, sample.rows.len());
             writer.write(self.mechanism, &self.coordinates, postures, sample, block);
             first += sample.rows.len();
@@ -244,8 +189,7 @@ impl<'a> Calibration<'a> {
             mechanism: self.mechanism,
             coordinates: self.coordinates.clone(),
             home: self.home.clone(),
-            starts: self.starts.get(postures).unwrap_or_default().to_vec(),
-            set_aside: Vec::new(),
+            starts: self.starts.only(postures),
             params: self.params.clone(),
             groups: self.groups.clone(),
             minimal: self.minimal.clone(),

@@ -1,10 +1,16 @@
 //! Measured postures, and how the machine is brought into them.
 
 use crate::lie::Se3;
-use crate::measure::{Measurement, View};
-use crate::model::inverse::{close_from_home, passive_at_pose};
-use crate::model::{Geometry, Mechanism, NotClosed, Posture};
+use crate::measure::{Closed, ClosedAt, Measurement, View};
+use crate::model::inverse::{NEAR, close_at_pose, close_by_path};
+use crate::model::mechanism::pose_difference;
+use crate::model::{Geometry, Mechanism, NotClosed, Posture, Prior, Turn};
 use std::sync::Arc;
+
+/// Distance of a measured pose (rad and machine sizes) that is no sign of another branch however small the tolerances.
+const LEAST: f64 = 1e-4;
+/// Distance beyond which a posture has nothing to do with a measured pose, however large the tolerances.
+const FARTHEST: f64 = 0.2;
 
 /// One measured posture.
 #[derive(Clone, Debug)]
@@ -53,16 +59,18 @@ impl Postures {
 }
 
 impl Sample {
-    /// Closes the posture with the given links and leaves it in `posture`.
-    ///
-    /// From the measured pose where there is one, so that the assembly mode is the measured one; else along the
-    /// actuators' path from home.
+    /// Closes the posture with the given links and leaves it in `posture`: from where it was closed before; else by
+    /// [`close_at`], on the branch that was measured.
     pub fn close(
         &self,
         mechanism: &Mechanism,
         geometry: &Geometry,
         posture: &mut Posture,
     ) -> Result<(), NotClosed> {
+        let known = self.measurement.closed_at().map(|at| at.first.as_slice());
+        if known.is_some_and(|q| close_near(mechanism, geometry, (q, &self.actuators), posture)) {
+            return Ok(());
+        }
         close_at(mechanism, geometry, &self.actuators, self.measurement.pose(), posture)
     }
 
@@ -74,15 +82,53 @@ impl Sample {
         postures: &mut Postures,
     ) -> Result<(), NotClosed> {
         self.close(mechanism, geometry, &mut postures.first)?;
-        match self.measurement.second() {
-            Some(actuators) => close_at(mechanism, geometry, actuators, None, &mut postures.second),
-            None => Ok(()),
+        let Some(actuators) = self.measurement.second() else { return Ok(()) };
+        let known = self.measurement.closed_at().map(|at| at.second.as_slice());
+        if known.is_some_and(|q| close_near(mechanism, geometry, (q, actuators), &mut postures.second)) {
+            return Ok(());
         }
+        close_at(mechanism, geometry, actuators, None, &mut postures.second)
+    }
+
+    /// The same, to be closed from these joint variables from now on.
+    pub fn closed_at(&self, at: ClosedAt) -> Self {
+        Self { measurement: Closed::at(&self.measurement, at), ..self.clone() }
     }
 }
 
-/// Closes the posture at these actuator variables (rad, m): from `pose` where it was measured, else along the path from
-/// home.
+/// Whether the posture closes at these actuator variables from joint variables `q` (rad, m) near which it then is.
+fn close_near(
+    mechanism: &Mechanism,
+    geometry: &Geometry,
+    (q, actuators): (&[f64], &[f64]),
+    posture: &mut Posture,
+) -> bool {
+    if q.len() != posture.q.len() {
+        return false;
+    }
+    posture.q.copy_from_slice(q);
+    let passive = posture.passive(mechanism);
+    posture.set_joints(mechanism, actuators, &passive);
+    posture.close(mechanism, geometry).is_ok() && posture.moved_from(mechanism, q) < NEAR
+}
+
+/// The same from those of another closure, whose sines are at hand.
+pub(super) fn close_again(
+    mechanism: &Mechanism,
+    geometry: &Geometry,
+    turns: &[Turn],
+    posture: &mut Posture,
+) -> bool {
+    posture.set_turns(turns);
+    let q = posture.q.clone();
+    posture.close(mechanism, geometry).is_ok() && posture.moved_from(mechanism, &q) < NEAR
+}
+
+/// Closes the posture at these actuator variables (rad, m): on home's branch or, where `pose` was measured and lies
+/// farther from that than the tolerances explain, on the branch that comes closest to it.
+///
+/// Home's branch comes first because drawn joints have branches that no pose tells apart: a ball joint turned over, a
+/// screw by a whole turn.
 pub fn close_at(
     mechanism: &Mechanism,
     geometry: &Geometry,
@@ -90,20 +136,52 @@ pub fn close_at(
     pose: Option<&Se3>,
     posture: &mut Posture,
 ) -> Result<(), NotClosed> {
-    let passive_count: usize = mechanism.limbs.iter().map(|limb| limb.passive_count()).sum();
-    let home = vec![0.0; passive_count];
-    if passive_count == 0 {
-        posture.set_joints(mechanism, actuators, &home);
+    if mechanism.is_open_chain() {
+        posture.set_joints(mechanism, actuators, &[]);
         return posture.close(mechanism, geometry);
     }
-    if let Some(pose) = pose {
-        let passive = passive_at_pose(mechanism, geometry, actuators, &home, pose);
-        posture.set_joints(mechanism, actuators, &passive);
-        let mode = posture.assembly_mode(mechanism, geometry);
-        posture.close(mechanism, geometry)?;
-        return if posture.mode == mode { Ok(()) } else { Err(NotClosed::OtherMode) };
+    let by_path = close_by_path(mechanism, geometry, actuators, posture);
+    let Some(pose) = pose else { return by_path };
+    let length = posture.length();
+    let away = |posture: &Posture| {
+        let (w, v) = pose_difference(pose, &posture.tool());
+        w.norm().hypot(v.norm() / length)
+    };
+    let explained = explained(mechanism);
+    let mut least = if by_path.is_ok() { away(posture) } else { f64::INFINITY };
+    if least <= explained {
+        return Ok(());
     }
-    posture.set_joints(mechanism, &vec![0.0; actuators.len()], &home);
-    posture.close(mechanism, geometry)?;
-    close_from_home(mechanism, geometry, posture, actuators)
+    let (mut outcome, mut other_mode) = (by_path, false);
+    let mut other = posture.clone();
+    let reached = posture.passive(mechanism);
+    for passive in [&reached, &vec![0.0; reached.len()]] {
+        match close_at_pose(mechanism, geometry, actuators, passive, pose, &mut other) {
+            // Twice as close: more than what tolerances make of one branch.
+            Ok(()) if away(&other) < 0.5 * least && away(&other) < FARTHEST => {
+                least = away(&other);
+                posture.clone_from(&other);
+                outcome = Ok(());
+            }
+            Err(NotClosed::OtherMode) => other_mode = true,
+            _ => {}
+        }
+    }
+    match outcome {
+        // The measured pose lies across a singularity, and no posture there closes.
+        Ok(()) if other_mode && least > FARTHEST => Err(NotClosed::OtherMode),
+        outcome => outcome,
+    }
+}
+
+/// Distance (rad and machine sizes) to which links within their tolerances bring a measured pose from the drawn one.
+fn explained(mechanism: &Mechanism) -> f64 {
+    let length = mechanism.characteristic_length();
+    let square = |prior: Prior, size: f64| match prior {
+        Prior::Sigma(sigma) => 3.0 * (sigma / size).powi(2),
+        Prior::Held | Prior::Free => 0.0,
+    };
+    let links = mechanism.limbs.iter().flat_map(|limb| &limb.links);
+    let sum: f64 = links.map(|l| square(l.tolerance.angle, 1.0) + square(l.tolerance.length, length)).sum();
+    (3.0 * (sum / mechanism.limbs.len().max(1) as f64).sqrt()).clamp(LEAST, FARTHEST)
 }

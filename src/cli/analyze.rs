@@ -5,6 +5,7 @@ use super::at::{registered, with_links_of};
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
+use super::ranges::warn_of_singular_home;
 use super::wording::reason;
 use crate::calibration::Sample;
 use crate::design::Observability;
@@ -61,6 +62,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     }
     let problem = read_problem(&args.problem, &DataPlaces::from_environment(args.data_dir.clone()))?;
     problem.require_tolerances()?;
+    warn_of_singular_home(&problem.mechanism);
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     let (mechanism, untold, deviations, point) = place(&problem, args)?;

@@ -9,6 +9,7 @@ use super::wording::counted;
 use crate::calibration::Sample;
 use crate::check::{Reading, repeats};
 use crate::files::{DataPlaces, Output, ProblemFile, read_problem};
+use crate::model::mobility::near_singular_home;
 use crate::model::{Joint, mobility};
 use nalgebra::Vector3;
 use std::fmt::Write;
@@ -39,7 +40,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     let mut text = machine(&problem, posture.regularity());
     let data = readings(&problem);
-    let mut suspicious = false;
+    let mut suspicious = home(&problem, &mut text);
     if problem.data.is_empty() {
         text.push_str("\nno measurements to compare the drawing with");
         if !problem.data.unused.is_empty() {
@@ -93,10 +94,20 @@ fn machine(problem: &ProblemFile, regularity: f64) -> String {
         }
         _ => writeln!(
             text,
-            "mobility: {wrenches}; they are {regularity:.3} from a singularity (0) to square (1)"
+            "mobility: {wrenches}; they are {} from a singularity (0) to square (1)",
+            if regularity < 0.01 { format!("{regularity:.1e}") } else { format!("{regularity:.3}") }
         ),
     };
     text
+}
+
+/// Whether home is nearly singular.
+fn home(problem: &ProblemFile, text: &mut String) -> bool {
+    let doubt = near_singular_home(&problem.mechanism, &problem.mechanism.nominal());
+    if let Some(doubt) = &doubt {
+        let _ = writeln!(text, "\nsuspicious: {doubt}");
+    }
+    doubt.is_some()
 }
 
 /// Whether the machine is of a size that nobody builds.

@@ -2,14 +2,23 @@
 
 use super::wording::listed;
 use crate::files::Model;
+use crate::model::mobility::near_singular_home;
 use crate::model::{Joint, Mechanism};
 
-/// Says on standard error which actuators of a closed-loop machine stand outside their own range at home, whence its
-/// postures are sought. A serial arm is drawn wherever its axes are easy to write down.
+/// Says on standard error that home, whence postures are sought, is nearly singular, where it is.
+pub fn warn_of_singular_home(mechanism: &Mechanism) {
+    if let Some(home) = near_singular_home(mechanism, &mechanism.nominal()) {
+        eprintln!("warning: {home}");
+    }
+}
+
+/// The same, and which actuators of a closed-loop machine stand outside their own range at home. A serial arm is drawn
+/// wherever its axes are easy to write down.
 pub fn warn_of_home(mechanism: &Mechanism) {
     if mechanism.limbs.iter().all(|limb| limb.passive_count() == 0) {
         return;
     }
+    warn_of_singular_home(mechanism);
     let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
     let outside =
         |joint: &&Joint| joint.range.is_some_and(|(low, high)| joint.home < low || joint.home > high);

@@ -64,7 +64,6 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     }
     let problem = problem_to_measure(args)?;
     problem.require_tolerances()?;
-    warn_of_home(&problem.mechanism);
     mobility::check(&problem.mechanism, &problem.mechanism.nominal())
         .map_err(|why| CliError::Mobility { file: problem.file.clone(), why })?;
     let sets = problem.data.parts();
@@ -103,6 +102,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     };
     let text = json::text(&drawing)
         .map_err(|why| CliError::Usage(format!("the problem cannot be written: {why}")))?;
+    warn_of_home(&problem.mechanism);
     output.write(&text)?;
     Ok(Ending::Done)
 }

@@ -2,7 +2,7 @@
 
 use super::counts::{Counts, Visibility, expected, visibility_of};
 use super::directions::{Direction, Likeness, Naming};
-use super::run::{NearSingular, singularities};
+use super::singularities::{NearSingular, singularities};
 use super::sparse::{Search, Support};
 use crate::calibration::postures::posture_name;
 use crate::calibration::{Calibration, Sample, SetAside};

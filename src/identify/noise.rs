@@ -66,7 +66,7 @@ fn estimate(found: &Identification, samples: &[Sample]) -> Option<NoiseEstimate>
     let mut postures = Postures::new(&found.start);
     let mut evaluation = Evaluation::default();
     let (mut angles, mut lengths) = ((0.0, 0.0), (0.0, 0.0));
-    for sample in samples {
+    for sample in &found.taking_part(samples) {
         if sample.close_all(&found.start, &found.geometry, &mut postures).is_err() {
             continue;
         }

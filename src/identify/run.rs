@@ -1,24 +1,22 @@
 //! One identification: which postures take part, the identifier's run, and what came of it.
 
-use super::counts::{Counts, Visibility, visibility};
+use super::counts::{Counts, Visibility};
 use super::covariance::{Covariance, Variance};
-use super::outliers::{Outlier, outliers};
+use super::outliers::Outlier;
 use super::registration::{FreeEnds, Registration, register};
-use super::score::{Fit, score};
+use super::rounds::Run;
+use super::score::Fit;
+use super::singularities::NEAR_SINGULAR;
 use super::uncertainty::LinkRoot;
 use super::untold::Untold;
-use crate::calibration::{Calibration, Coordinates, Postures, Sample, SetAside};
+use crate::calibration::{Calibration, Coordinates, Sample, SetAside};
 use crate::measure::Weights;
-use crate::model::{Geometry, Mechanism, Posture, Prior};
+use crate::model::{Geometry, Mechanism, Prior};
 use crate::problem::{Form, Problem};
-use crate::solve::{Estimate, Failure, Identifier, Iterate, Outcome, Report, Stop};
-use std::collections::HashSet;
+use crate::solve::{Identifier, Iterate, Report, Stop};
+use std::collections::HashMap;
 
-/// Ratio of the extreme singular values of the wrench matrix below which a posture is reported.
-const NEAR_SINGULAR: f64 = 1e-2;
-
-/// How often postures that were set aside are taken back.
-const ROUNDS: usize = 8;
+pub use super::singularities::NearSingular;
 
 /// Why nothing could be identified.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -38,15 +36,6 @@ pub enum IdentifyError {
     /// No posture closes.
     #[error("no posture closes with the nominal machine; {}: {}", .0.name, .0.reason)]
     NoneCloses(SetAside),
-}
-
-/// A posture near a singularity.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NearSingular {
-    /// The sample.
-    pub name: String,
-    /// Singular values of its wrench matrix, descending (lengths in machine sizes).
-    pub singular_values: [f64; 6],
 }
 
 /// What an identification found.
@@ -86,6 +75,8 @@ pub struct Identification {
     pub fit: (Option<Fit>, Option<Fit>),
     /// Number of residuals.
     pub rows: usize,
+    /// Samples that took part, each to be closed from where it was closed.
+    pub taking: Vec<Sample>,
 }
 
 /// Identifies the machine's deviations from the samples.
@@ -120,7 +111,7 @@ pub fn identify_from(
         }
         Form::Minimal | Form::Complete => samples,
     };
-    let mut at = from.to_vec();
+    let at = from.to_vec();
     let mut problem = Calibration::new(&start, samples_in_form, identifier.form(), &at);
     if problem.params().is_empty() {
         return Err(IdentifyError::AllHeld);
@@ -140,70 +131,23 @@ pub fn identify_from(
     if problem.sample_count() == 0 {
         problem.take_back(samples_in_form, &at, 0.0);
     }
-    let mut x = problem.coordinates().nearest(&at);
-    let mut trace = Vec::new();
-    let mut report;
-    let mut round = 0;
-    loop {
-        let left = stop.iterations.saturating_sub(trace.len());
-        report = identifier.identify(&problem, &x, &Stop { iterations: left, ..*stop });
-        trace.extend_from_slice(&report.trace);
-        round += 1;
-        if !report.cost.is_finite() || !report.x.iter().all(|v| v.is_finite()) {
-            break;
-        }
-        x.copy_from_slice(&report.x);
-        at = problem.coordinates().deviations(&x);
-        let before: Vec<usize> = problem.set_aside().iter().map(|s| s.sample).collect();
-        problem.take_back(samples_in_form, &at, 0.0);
-        let same = problem.set_aside().iter().map(|s| s.sample).eq(before);
-        let exhausted = trace.len() >= stop.iterations;
-        if same || exhausted || round == ROUNDS || problem.sample_count() == 0 {
-            break;
-        }
-    }
-    if problem.sample_count() == 0 && report.outcome.converged() {
-        let why = problem
-            .set_aside()
-            .first()
-            .map_or_else(String::new, |s| format!("{}: {}", s.name, s.reason.unitless()));
-        report.outcome = Outcome::Failed(Failure::Evaluation(why));
-    }
-    let geometry = start.deviated(&at);
-    let visibility_at = |at: &[f64]| visibility(&start, samples, at).ok();
-    let at_solution = visibility_at(&at);
-    let covariance = match (report.estimate, at_solution.as_ref()) {
-        // Linear theory is that of whitened residuals, at their least.
-        _ if identifier.form() == Form::Plain || !report.outcome.converged() => None,
-        (Estimate::Decoupled { .. }, Some(_)) => {
-            Covariance::decoupled(report.estimate, &problem, &x).ok().flatten()
-        }
-        (estimate, seen) => seen.and_then(|seen| Covariance::joint(estimate, seen)),
+    let mut run = Run {
+        start: &start,
+        problem,
+        measured: samples,
+        samples: samples_in_form,
+        identifier,
+        stop,
+        trace: Vec::new(),
+        at,
     };
-    let minimal = Coordinates::new(&start, Form::Minimal);
-    let variances =
-        covariance.as_ref().map(|c| c.of_deviations(&c.of_links(&minimal, &at), drawn, &geometry));
-    let (near_singular, other_mode) = singularities(&start, &geometry, samples);
-    let mut found = Identification {
-        fit: (score(&start, &start.nominal(), samples), score(&start, &geometry, samples)),
-        nominal: visibility_at(&vec![0.0; at.len()]),
-        deviations: geometry.deviations_from(&drawn.nominal()),
-        rows: problem.rows(),
-        near_singular,
-        other_mode,
-        outliers: Vec::new(),
-        set_aside: problem.set_aside().to_vec(),
-        visibility: at_solution,
-        start,
-        untold,
-        geometry,
-        variances,
-        covariance,
-        report,
-        trace,
-        set_aside_at_start,
-    };
-    found.outliers = outliers(&found, samples);
+    let report = run.rounds();
+    let mut found = run.found(drawn, report, &set_aside_at_start);
+    if run.reconsider(&found) {
+        let report = run.rounds();
+        found = run.found(drawn, report, &set_aside_at_start);
+    }
+    found.untold = untold;
     Ok(found)
 }
 
@@ -216,37 +160,6 @@ pub fn placed(drawn: &Mechanism, samples: &[Sample]) -> Option<Registration> {
         FreeEnds { base: false, tool: false } if !unknown => Some(Registration::as_drawn(drawn)),
         _ => register(drawn, samples, free),
     }
-}
-
-/// Postures whose wrench matrix is close to losing rank, and those with another sign of its determinant than home.
-pub(super) fn singularities(
-    mechanism: &Mechanism,
-    geometry: &Geometry,
-    samples: &[Sample],
-) -> (Vec<NearSingular>, Vec<String>) {
-    let mut postures = Postures::new(mechanism);
-    if mechanism.is_open_chain() {
-        return Default::default();
-    }
-    let home = postures.first.close(mechanism, geometry).ok().map(|()| postures.first.mode);
-    let (mut near, mut other_mode) = (Vec::new(), Vec::new());
-    for sample in samples {
-        if sample.close_all(mechanism, geometry, &mut postures).is_err() {
-            continue;
-        }
-        let second = sample.measurement.second().map(|_| &postures.second);
-        let both = || [Some(&postures.first), second].into_iter().flatten();
-        let name = || sample.name.clone();
-        let values = both().map(Posture::wrench_singular_values);
-        let worst = values.min_by(|a, b| (a[5] / a[0]).total_cmp(&(b[5] / b[0])));
-        if let Some(singular_values) = worst.filter(|s| s[5] < NEAR_SINGULAR * s[0]) {
-            near.push(NearSingular { name: name(), singular_values });
-        }
-        if home.is_some_and(|mode| both().any(|posture| posture.mode != mode)) {
-            other_mode.push(name());
-        }
-    }
-    (near, other_mode)
 }
 
 impl Identification {
@@ -295,9 +208,13 @@ impl Identification {
         Some(LinkRoot { root, prior_share: covariance.prior_share.clone() })
     }
 
-    /// Those of the samples that were not set aside.
+    /// Those of the samples that were not set aside, by name, each to be closed from where it was closed.
     pub(super) fn taking_part(&self, samples: &[Sample]) -> Vec<Sample> {
-        let aside: HashSet<&str> = self.set_aside.iter().map(|s| s.name.as_str()).collect();
-        samples.iter().filter(|sample| !aside.contains(sample.name.as_str())).cloned().collect()
+        let taking: HashMap<&str, &Sample> = self.taking.iter().map(|s| (s.name.as_str(), s)).collect();
+        let known = |sample: &Sample| {
+            let closed = taking.get(sample.name.as_str())?.measurement.closed_at();
+            Some(closed.map_or_else(|| sample.clone(), |at| sample.closed_at(at.clone())))
+        };
+        samples.iter().filter_map(known).collect()
     }
 }

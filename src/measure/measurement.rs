@@ -1,5 +1,6 @@
 //! The interface between an instrument's readings and the kinematics.
 
+use super::closed::ClosedAt;
 use super::point::{Gauge, Plane, Point};
 use super::posture_noise::PostureNoise;
 use crate::lie::Se3;
@@ -251,6 +252,11 @@ pub trait Measurement: std::fmt::Debug + Send + Sync {
 
     /// The measured pose, where there is a whole one: the posture is sought from it.
     fn pose(&self) -> Option<&Se3> {
+        None
+    }
+
+    /// Joint variables at which the posture was closed, where it was: it is closed again from there.
+    fn closed_at(&self) -> Option<&ClosedAt> {
         None
     }
 

@@ -1,5 +1,6 @@
 //! What instruments report of a posture, or of two.
 
+pub mod closed;
 pub mod distance;
 pub mod measurement;
 pub mod passive_joint;
@@ -11,6 +12,7 @@ pub mod posture_noise;
 pub mod separation;
 pub mod weighted;
 
+pub use closed::{Closed, ClosedAt};
 pub use distance::Distance;
 pub use measurement::{
     Clue, ConstantDerivative, Errors, Evaluation, LimbDerivative, Measurement, Row, View, Weights,

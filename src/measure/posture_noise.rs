@@ -1,5 +1,6 @@
 //! What is common to all that is measured at one posture, beside the noise of each reading (docs/theory.md (8.11)).
 
+use super::closed::ClosedAt;
 use super::measurement::{
     Clue, ConstantDerivative, Errors, Evaluation, LimbDerivative, Measurement, View, Weights,
 };
@@ -182,6 +183,10 @@ impl Measurement for OfPosture {
 
     fn pose(&self) -> Option<&Se3> {
         self.inner.pose()
+    }
+
+    fn closed_at(&self) -> Option<&ClosedAt> {
+        self.inner.closed_at()
     }
 
     fn clue(&self) -> Clue {

@@ -1,5 +1,6 @@
 //! A measurement that counts more, or less, than its noise says.
 
+use super::closed::ClosedAt;
 use super::measurement::{Clue, Errors, Evaluation, Measurement, View, Weights};
 use super::posture_noise::PostureNoise;
 use crate::lie::Se3;
@@ -64,6 +65,10 @@ impl Measurement for Weighted {
 
     fn pose(&self) -> Option<&Se3> {
         self.inner.pose()
+    }
+
+    fn closed_at(&self) -> Option<&ClosedAt> {
+        self.inner.closed_at()
     }
 
     fn clue(&self) -> Clue {

@@ -44,6 +44,25 @@ pub enum NotClosed {
     /// The limbs meet, but beyond a singularity.
     #[error("the posture closes only in another assembly mode")]
     OtherMode,
+    /// The reading has little to do with the posture that closes.
+    #[error(
+        "what was measured is {times:.0} times as far from the machine's posture as at the median sample"
+    )]
+    Unlike {
+        /// Root mean square residual, in those of the median sample.
+        times: f64,
+    },
+    /// The reading is that of another assembly mode.
+    #[error(
+        "measured in another assembly mode than the one that is followed, or on another branch of a limb's passive joints: \
+         the residual is {followed:.3} times the noise, there {measured:.3} times"
+    )]
+    Elsewhere {
+        /// Root mean square residual in the mode that is followed, in noise.
+        followed: f64,
+        /// The same in the other mode.
+        measured: f64,
+    },
     /// A number overflowed.
     #[error("the posture is not finite")]
     NotFinite,

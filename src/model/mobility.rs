@@ -5,6 +5,9 @@ use super::mechanism::{Geometry, Mechanism};
 use super::posture::Posture;
 use nalgebra::{DMatrix, DVector};
 
+/// Ratio of the extreme singular values of the wrench matrix below which home counts as nearly singular.
+const NEAR_SINGULAR: f64 = 2e-3;
+
 /// What is wrong with the mobility of a drawing.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MobilityError {
@@ -61,6 +64,29 @@ pub enum MobilityError {
     /// The drawing's loops do not close.
     #[error("the loops do not close at home: {0}")]
     Open(NotClosed),
+}
+
+/// A home from which paths to other postures hardly lead.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "home is nearly singular: the smallest singular value of the wrench matrix is {regularity:.1e} of the largest, so that \
+     the platform all but moves with all actuators held, {motion}; links that deviate by little leave it open, or close it \
+     in another assembly mode; draw the machine at another home"
+)]
+pub struct NearSingularHome {
+    /// Ratio of the extreme singular values of `Jr` at home.
+    pub regularity: f64,
+    /// The motion that is hardly held, in words.
+    pub motion: String,
+}
+
+/// What to say of a home that is nearly singular; `None` of others, and of one that does not close.
+pub fn near_singular_home(mechanism: &Mechanism, geometry: &Geometry) -> Option<NearSingularHome> {
+    let mut posture = Posture::new(mechanism);
+    posture.close(mechanism, geometry).ok()?;
+    let regularity = posture.regularity();
+    let near = regularity < NEAR_SINGULAR && !mechanism.is_open_chain();
+    near.then(|| NearSingularHome { regularity, motion: posture.free_motion() })
 }
 
 /// Checks the machine at home with the given links.

@@ -116,6 +116,15 @@ impl PassiveSplit {
         out
     }
 
+    /// Sign of the determinant of six passive twists, which changes only where they depend on each other; 1 where there
+    /// are fewer, whose wrenches tell.
+    pub fn orientation(&self) -> f64 {
+        match self.m {
+            6 => (0..6).map(|k| -self.r[k][k].signum()).product(),
+            _ => 1.0,
+        }
+    }
+
     /// Smallest pivot, which is zero where the passive twists depend on each other; 1 without passive joints.
     pub fn smallest_pivot(&self) -> f64 {
         (0..self.m).map(|k| self.r[k][k].abs()).fold(1.0, f64::min)

@@ -2,7 +2,7 @@
 //!
 //! Twists here are those of the tool point, `[w; dp]`, lengths divided by the machine's size.
 
-use super::joint::Motion;
+use super::joint::{Joint, Motion};
 use super::limb::Limb;
 use super::mechanism::{Geometry, Mechanism};
 use super::passive::PassiveSplit;
@@ -108,6 +108,21 @@ impl Posture {
         }
     }
 
+    /// Whether no singularity, of the platform or of a limb, separates it from another posture by sign: both closed, their
+    /// determinants have the same signs.
+    pub fn is_on_branch_of(&self, other: &Self) -> bool {
+        let mut limbs = self.splits.iter().zip(&other.splits);
+        self.mode == other.mode && limbs.all(|(a, b)| a.orientation() == b.orientation())
+    }
+
+    /// Longest motion of a joint from the joint variables `from`, rad or machine sizes.
+    pub fn moved_from(&self, mechanism: &Mechanism, from: &[f64]) -> f64 {
+        let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints);
+        let moved =
+            |((to, from), joint): ((&f64, &f64), &Joint)| joint.motion.size_of(to - from, self.length);
+        self.q.iter().zip(from).zip(joints).map(moved).fold(0.0, f64::max)
+    }
+
     /// The joint variables that were placed last, limb by limb.
     pub fn turns(&self) -> &[Turn] {
         &self.turns
@@ -117,6 +132,12 @@ impl Posture {
     pub fn set_turns(&mut self, turns: &[Turn]) {
         self.turns.copy_from_slice(turns);
         self.q.iter_mut().zip(turns).for_each(|(q, turn)| *q = turn.q);
+    }
+
+    /// Actuator variables in machine order.
+    pub fn actuators(&self, mechanism: &Mechanism) -> Vec<f64> {
+        let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints);
+        self.q.iter().zip(joints).filter(|(_, joint)| joint.actuated).map(|(q, _)| *q).collect()
     }
 
     /// Passive joint variables in machine order.

@@ -5,7 +5,8 @@ pub mod readings;
 pub use readings::{SimulatedSet, read, simulate_sets, simulate_sets_truth, touch};
 
 use crate::lie::{Se3, so3};
-use crate::model::inverse::close_from_home;
+use crate::model::inverse::close_by_path;
+use crate::model::mobility::{NearSingularHome, near_singular_home};
 use crate::model::{Geometry, Joint, Mechanism, NotClosed, Posture, Prior};
 use nalgebra::{Matrix6, Vector6};
 use rand::{Rng, SeedableRng};
@@ -18,6 +19,8 @@ const ANGULAR_RANGE: f64 = 0.5;
 const LINEAR_RANGE: f64 = 0.1;
 /// Postures tried for each one that is wanted.
 const TRIES: usize = 200;
+/// Postures in advance of which as many are tried: where next to none close, the end is near.
+const ADVANCE: usize = 10;
 /// Smallest singular value of the wrench matrix, relative to the largest, of a posture that is taken.
 const REGULAR: f64 = 1e-3;
 
@@ -36,6 +39,16 @@ pub enum SimulateError {
         wanted: usize,
         /// Why the last one failed.
         last: NotClosed,
+    },
+    /// Too few random postures close, because home is next to a singularity.
+    #[error("only {found} of {wanted} postures close within the actuators' ranges: {home}")]
+    SingularHome {
+        /// Postures found.
+        found: usize,
+        /// Postures wanted.
+        wanted: usize,
+        /// What is wrong with home.
+        home: NearSingularHome,
     },
     /// Too few postures touch.
     #[error(
@@ -133,8 +146,8 @@ pub fn draw_postures(
     let ranges = actuator_ranges(mechanism);
     let mut postures = Vec::with_capacity(count);
     let mut last = NotClosed::NotFinite;
-    for _ in 0..TRIES * count {
-        if postures.len() == count {
+    for tried in 0..TRIES * count {
+        if postures.len() == count || tried >= TRIES * (postures.len() + ADVANCE) {
             break;
         }
         let actuators: Vec<f64> =
@@ -150,7 +163,12 @@ pub fn draw_postures(
         }
     }
     if postures.len() < count {
-        return Err(SimulateError::Workspace { found: postures.len(), wanted: count, last });
+        let (found, wanted) = (postures.len(), count);
+        let home = near_singular_home(mechanism, &mechanism.nominal());
+        return Err(match home {
+            Some(home) => SimulateError::SingularHome { found, wanted, home },
+            None => SimulateError::Workspace { found, wanted, last },
+        });
     }
     Ok(postures)
 }
@@ -158,8 +176,7 @@ pub fn draw_postures(
 /// The posture at these actuator variables, on home's branch.
 pub fn close(mechanism: &Mechanism, geometry: &Geometry, actuators: &[f64]) -> Result<Posture, NotClosed> {
     let mut posture = Posture::new(mechanism);
-    posture.close(mechanism, geometry)?;
-    close_from_home(mechanism, geometry, &mut posture, actuators)?;
+    close_by_path(mechanism, geometry, actuators, &mut posture)?;
     Ok(posture)
 }
 

@@ -48,6 +48,8 @@ const ROUNDING: f64 = 1e-13;
 const UNJUDGED: f64 = 1e-9;
 /// Promised reduction, relative to the merit, that is too little to look for at the end of a short step.
 const UNSEEN: f64 = 1e-12;
+/// Merit that is nothing where residuals are in standard deviations: 1e-6 of one.
+const NOTHING: f64 = 1e-12;
 /// Way, in tolerances, up to which split and curvature are kept.
 const NEAR: f64 = 0.3;
 /// Renewals after which only the curvature is renewed, so that the merit is one and the same from then on.
@@ -91,6 +93,7 @@ impl Identifier for Minimal {
             false => Estimate::LeastSquares,
         };
         let mut report = Report::new(self.name(), start, estimate);
+        let nothing = if problem.has_prior() { NOTHING } else { 0.0 };
         let mut damping = 0.0;
         let mut model: Option<Model> = None;
         let mut settled: Option<Split> = None;
@@ -144,7 +147,7 @@ impl Identifier for Minimal {
             promised_before = step.promised;
             let criterion = step.ends.or_else(|| match damping > 0.0 {
                 true => None,
-                false if cost == 0.0 => Some(Criterion::Zero),
+                false if cost == 0.0 || left <= nothing => Some(Criterion::Zero),
                 false => at_rounding.then_some(Criterion::Cost),
             });
             if let Some(criterion) = criterion {

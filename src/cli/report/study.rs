@@ -158,6 +158,9 @@ fn study(result: &ResultFile, model: &Model, problem: ProblemFile) -> Result<Stu
     let start = placed(drawn, &training).ok_or("its samples do not place base, tool and instrument")?.machine;
     let geometry = drawn.deviated(&deviations);
     let at = geometry.deviations_from(&start.nominal());
+    if !start.is_open_chain() {
+        training = Calibration::new(&start, &training, Form::Minimal, &at).closed(&training);
+    }
     let before = residuals(&start, &start.nominal(), &training);
     let after = residuals(&start, &geometry, &training);
     let seen = visibility(&start, &training, &at).ok();

@@ -1,0 +1,172 @@
+//! Rounds of one identification: run, close the samples with what was found, run again where that changes them.
+
+use super::counts::visibility;
+use super::covariance::Covariance;
+use super::cross_validation::Influence;
+use super::outliers::outliers;
+use super::run::Identification;
+use super::score::score;
+use super::singularities::singularities;
+use crate::calibration::{ByPosture, Calibration, Coordinates, Sample, SetAside};
+use crate::model::Mechanism;
+use crate::problem::Form;
+use crate::solve::{Criterion, Estimate, Failure, Identifier, Iterate, Outcome, Report, Stop};
+use std::collections::HashSet;
+
+/// How often postures that were set aside are taken back.
+const ROUNDS: usize = 8;
+/// Residual, in standard deviations of the noise, that is rounding.
+const EXACT: f64 = 1e-6;
+
+/// One identification on its way.
+pub(super) struct Run<'a> {
+    /// The drawing, its free ends registered.
+    pub start: &'a Mechanism,
+    pub problem: Calibration<'a>,
+    /// Weighted by their noise.
+    pub measured: &'a [Sample],
+    /// Weighted as the identifier's form wants them.
+    pub samples: &'a [Sample],
+    pub identifier: &'a dyn Identifier,
+    pub stop: &'a Stop,
+    /// Over all rounds.
+    pub trace: Vec<Iterate>,
+    /// Link deviations reached, rad and m.
+    pub at: Vec<f64>,
+}
+
+impl Run<'_> {
+    /// Runs the identifier until the samples that take part are those that close with what it found.
+    pub fn rounds(&mut self) -> Report {
+        let mut x = self.problem.coordinates().nearest(&self.at);
+        let mut round = 0;
+        let mut report = loop {
+            let report = self.report(&x);
+            self.trace.extend_from_slice(&report.trace);
+            round += 1;
+            if !report.cost.is_finite() || !report.x.iter().all(|v| v.is_finite()) {
+                break report;
+            }
+            x.copy_from_slice(&report.x);
+            self.at = self.problem.coordinates().deviations(&x);
+            let changed = self.problem.take_back(self.samples, &self.at, 0.0);
+            let exhausted = self.trace.len() >= self.stop.iterations;
+            if !changed || exhausted || round == ROUNDS || self.problem.sample_count() == 0 {
+                break report;
+            }
+        };
+        if self.problem.sample_count() == 0 && report.outcome.converged() {
+            let first = self.problem.set_aside().first();
+            let why = first.map_or_else(String::new, |s| format!("{}: {}", s.name, s.reason));
+            report.outcome = Outcome::Failed(Failure::Evaluation(why));
+        }
+        report
+    }
+
+    /// The identifier's report from `x`. Where the samples are exact there, residuals are rounding, which an identifier
+    /// may follow for ever: it need not find anything better.
+    fn report(&self, x: &[f64]) -> Report {
+        let left = self.stop.iterations.saturating_sub(self.trace.len());
+        let exact = self.is_exact();
+        let iterations = if exact { left.min(1) } else { left };
+        let mut report = self.identifier.identify(&self.problem, x, &Stop { iterations, ..*self.stop });
+        let refused = |outcome: &Outcome| {
+            matches!(outcome, Outcome::Failed(Failure::Infeasible(_) | Failure::Unsuited(_)))
+        };
+        if exact && !report.outcome.converged() && !refused(&report.outcome) {
+            report.x = x.to_vec();
+            report.cost = 0.0;
+            report.trace.clear();
+            report.outcome = Outcome::Converged(Criterion::Zero);
+        }
+        report
+    }
+
+    /// Whether the machine as it stands predicts all samples that take part to rounding.
+    fn is_exact(&self) -> bool {
+        let geometry = self.start.deviated(&self.at);
+        let exact = |samples: &[Sample]| {
+            score(self.start, &geometry, samples).is_some_and(|fit| fit.weighted_rms < EXACT)
+        };
+        // One sample is looked at first: data are hardly ever exact.
+        let Some((first, _)) = self.measured.split_first() else { return false };
+        if !exact(std::slice::from_ref(first)) {
+            return false;
+        }
+        exact(&self.taking())
+    }
+
+    /// The samples that take part, each to be closed from where it was closed.
+    fn taking(&self) -> Vec<Sample> {
+        let closed = self.problem.closed(self.measured).into_iter().enumerate();
+        let apart: HashSet<usize> = self.problem.set_aside().iter().map(|s| s.sample).collect();
+        closed.filter(|(i, _)| !apart.contains(i)).map(|(_, sample)| sample).collect()
+    }
+
+    /// Whether samples that stand out were measured in other postures than those in which they were closed, by the
+    /// machine that the others give.
+    pub fn reconsider(&mut self, found: &Identification) -> bool {
+        if found.outliers.is_empty() || found.start.is_open_chain() {
+            return false;
+        }
+        let taking = found.taking_part(self.measured);
+        let names: HashSet<&str> =
+            found.outliers.iter().flat_map(|o| &o.samples).map(String::as_str).collect();
+        let out = |sample: &Sample| names.contains(sample.name.as_str());
+        let postures = ByPosture::of(&taking);
+        let outlying = postures.iter().enumerate().filter(|(_, of)| of.iter().all(|i| out(&taking[*i])));
+        let inside: Vec<usize> = outlying.map(|(posture, _)| posture).collect();
+        let without = Influence::new(found, &taking).ok().and_then(|influence| influence.without(&inside));
+        let geometry = without.as_ref().unwrap_or(&found.geometry);
+        let doubted: Vec<usize> = (0..self.samples.len()).filter(|&i| out(&self.samples[i])).collect();
+        self.problem.reconsider(self.samples, &doubted, &geometry.deviations_from(&found.start.nominal()))
+    }
+
+    /// What came of it.
+    pub fn found(
+        &self,
+        drawn: &Mechanism,
+        report: Report,
+        set_aside_at_start: &[SetAside],
+    ) -> Identification {
+        let (start, problem, at) = (self.start, &self.problem, &self.at);
+        let taking = self.taking();
+        let geometry = start.deviated(at);
+        let visibility_at = |at: &[f64]| visibility(start, &taking, at).ok();
+        let at_solution = visibility_at(at);
+        let covariance = match (report.estimate, at_solution.as_ref()) {
+            // Linear theory is that of whitened residuals, at their least.
+            _ if self.identifier.form() == Form::Plain || !report.outcome.converged() => None,
+            (Estimate::Decoupled { .. }, Some(_)) => {
+                Covariance::decoupled(report.estimate, problem, &report.x).ok().flatten()
+            }
+            (estimate, seen) => seen.and_then(|seen| Covariance::joint(estimate, seen)),
+        };
+        let minimal = Coordinates::new(start, Form::Minimal);
+        let variances =
+            covariance.as_ref().map(|c| c.of_deviations(&c.of_links(&minimal, at), drawn, &geometry));
+        let (near_singular, other_mode) = singularities(start, &geometry, &taking);
+        let mut found = Identification {
+            fit: (score(start, &start.nominal(), &taking), score(start, &geometry, &taking)),
+            nominal: visibility_at(&vec![0.0; at.len()]),
+            deviations: geometry.deviations_from(&drawn.nominal()),
+            rows: problem.rows(),
+            near_singular,
+            other_mode,
+            outliers: Vec::new(),
+            set_aside: problem.set_aside().to_vec(),
+            visibility: at_solution,
+            start: start.clone(),
+            untold: Vec::new(),
+            geometry,
+            variances,
+            covariance,
+            report,
+            trace: self.trace.clone(),
+            set_aside_at_start: set_aside_at_start.to_vec(),
+            taking,
+        };
+        found.outliers = outliers(&found, self.measured);
+        found
+    }
+}
