@@ -8,7 +8,7 @@ use gough::files::problem::{PROBLEM_FORMAT, ProblemDrawing, parse_model, parse_p
 use gough::files::result::RESULT_FORMAT;
 use gough::files::summary::{
     BeforeAfter, CauseEntry, ChiSquare, Counts, Deviation, EstimateEntry, GroupEntry, LinkResult, PoseErrors,
-    SourceEntry, TraceEntry,
+    SourceEntry, ToleranceFactor, TraceEntry,
 };
 use gough::files::{DataDrawing, ProblemFile, ResultFile, SampleDrawing, Units, json, read_problem, redraw};
 use gough::lie::{Se3, so3};
@@ -166,6 +166,14 @@ fn result(read: &ProblemFile) -> ResultFile {
             groups: vec![GroupEntry { name: "the angles".into(), value: 6.5, degrees_of_freedom: 3.0 }],
             causes: vec![CauseEntry { kind: "noise".into(), text: "two times".into() }],
             holdout: Some(GroupEntry { name: "hold-out".into(), value: 5.5, degrees_of_freedom: 6.0 }),
+        }),
+        tolerance_factor: Some(ToleranceFactor {
+            value: 3.0,
+            interval: [2.5, 3.6],
+            probability: 1e-9,
+            directions: 40,
+            in_force: 3.0,
+            verdict: "larger".into(),
         }),
         noise_estimate: Some(NoiseDrawing { angle: Some(1e-5), length: Some(1e-6), covariance: None }),
         warnings: vec!["one".into()],

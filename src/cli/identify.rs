@@ -11,7 +11,7 @@ use crate::calibration::{ByPosture, Sample};
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
 use crate::identify::score::{score, set_aside};
 use crate::identify::{
-    Fit, Folds, Identification, IdentifyError, Judged, NoiseEstimate, cross_validate, identify,
+    Fit, Folds, Identification, IdentifyError, Judged, NoiseEstimate, believed, cross_validate, identify,
     identify_without_noise, judge,
 };
 use crate::measure::Clue;
@@ -145,6 +145,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         score(&found.start, &found.start.nominal(), &holdout),
         score(&found.start, &found.geometry, &holdout),
     );
+    let found = if noise.is_some() { believed(found, held_out) } else { found };
     let holdout_set_aside = set_aside(&found.start, &found.geometry, &holdout);
     let judgement = judge(&Judged {
         found: &found,

@@ -26,6 +26,7 @@ pub mod simulate;
 pub mod solvers;
 pub mod summary;
 mod threads;
+mod tolerances;
 pub mod warnings;
 pub mod wording;
 

@@ -83,6 +83,7 @@ impl Summary<'_> {
             fit: before_after(self.reached(found.fit), units),
             holdout: before_after(self.reached(self.holdout), units),
             chi_square: self.chi_square(),
+            tolerance_factor: found.tolerance_test.as_ref().map(super::tolerances::entry),
             cross_validation: self.cross_validation.map(|cross| CrossValidationEntry {
                 folds: cross.folds,
                 refitted: cross.refitted,

@@ -153,6 +153,7 @@ pub fn summary(of: &Summary<'_>) -> String {
         ));
     }
     text.push_str(&of.residual_line());
+    text.push_str(&super::tolerances::line(of));
     text.push_str(&unused(of));
     text.push_str(&other_errors(of));
     text.push_str(&instrument(of));

@@ -125,8 +125,10 @@ impl Summary<'_> {
                 self.out_of_range.join(", ")
             ));
         }
+        // In tolerances that the deviations themselves do not contradict.
+        let supported = found.tolerance_test.map_or(1.0, |test| test.in_force);
         if let Some((ratio, name)) =
-            self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF && !self.is_led_astray())
+            self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF * supported && !self.is_led_astray())
         {
             warnings.push(format!(
                 "{name} is {} tolerances off: if that cannot be, check units, home, directions of axes, actuator \
@@ -176,6 +178,7 @@ impl Summary<'_> {
                 counts.structural - found.rows
             ));
         }
+        warnings.extend(super::tolerances::warning(self));
         let mut active: Vec<&ActiveBound> = found.report.active.iter().collect();
         active.sort_by(|a, b| b.multiplier.total_cmp(&a.multiplier).then_with(|| a.name.cmp(&b.name)));
         for bound in active.iter().take(SHOWN) {

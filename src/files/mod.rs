@@ -51,6 +51,7 @@ pub use problem::{DataPlaces, Model, ProblemDrawing, ProblemFile, read_model, re
 pub use readings::readings;
 pub use redraw::redraw;
 pub use result::{ResultFile, read_result};
+pub use summary::ToleranceFactor;
 pub use text::read_text;
 pub use uncertainty::{LinkUncertainty, UncertaintyDrawing};
 pub use units::{AngleUnit, LengthUnit, Units};

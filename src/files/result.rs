@@ -8,7 +8,7 @@ use super::noise::NoiseDrawing;
 use super::place::Place;
 use super::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, EstimateEntry,
-    LinkResult, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry, numbers,
+    LinkResult, SetAsideEntry, SourceEntry, ToleranceFactor, TraceEntry, UnusedEntry, WeightEntry, numbers,
 };
 use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;
@@ -56,6 +56,9 @@ pub struct ResultFile {
     /// Residual against the stated noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chi_square: Option<ChiSquare>,
+    /// Deviations against the stated tolerances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance_factor: Option<ToleranceFactor>,
     /// Noise estimated from the residual, where none is stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_estimate: Option<NoiseDrawing>,

@@ -277,6 +277,26 @@ pub struct CauseEntry {
     pub text: String,
 }
 
+/// Deviations against the stated tolerances.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToleranceFactor {
+    /// Most likely factor on all stated tolerances.
+    #[serde(deserialize_with = "number")]
+    pub value: f64,
+    /// Its 95 % interval.
+    pub interval: [f64; 2],
+    /// Probability that tolerances as stated make deviations as large, or larger.
+    #[serde(deserialize_with = "number")]
+    pub probability: f64,
+    /// Directions that the data know better than the stated tolerances.
+    pub directions: usize,
+    /// Factor under which estimate, standard errors and predictions are: 1 where the tolerances are trusted as stated.
+    pub in_force: f64,
+    /// What follows, in a sentence.
+    pub verdict: String,
+}
+
 /// Errors of postures predicted without them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

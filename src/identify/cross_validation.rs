@@ -1,7 +1,7 @@
 //! Prediction error of postures that took no part, each in turn (docs/theory.md (10.6)-(10.8)).
 
 use super::covariance::weight;
-use super::run::{Identification, IdentifyError, identify};
+use super::run::{Identification, IdentifyError, identify_from};
 use super::score::{Fit, score_each};
 use crate::calibration::postures::by_posture;
 use crate::calibration::{ByPosture, Calibration, Sample};
@@ -113,7 +113,8 @@ pub fn refit(
     let rest = samples.iter().zip(held).filter(|(_, held)| !held).map(|(sample, _)| sample.clone());
     let rest: Vec<Sample> = rest.collect();
     // The same start and the same free ends: what is left out is the fold and nothing else.
-    Ok(identify(&found.start, &rest, identifier, stop)?.geometry)
+    let zeros = vec![0.0; found.supported.component_count()];
+    Ok(identify_from(&found.supported, &rest, identifier, stop, &zeros)?.geometry)
 }
 
 /// What the estimate does where readings change.
@@ -134,8 +135,8 @@ impl<'a> Influence<'a> {
         if found.covariance.is_none() {
             return Err(EvalError("linear theory does not describe the estimate".into()));
         }
-        let at = found.geometry.deviations_from(&found.start.nominal());
-        let problem = Calibration::new(&found.start, samples, Form::Minimal, &at);
+        let at = found.geometry.deviations_from(&found.supported.nominal());
+        let problem = Calibration::new(&found.supported, samples, Form::Minimal, &at);
         if problem.sample_count() != samples.len() {
             return Err(EvalError("not every posture closes".into()));
         }
@@ -195,6 +196,6 @@ impl<'a> Influence<'a> {
         let step = &gain * e + &self.offset;
         let x: Vec<f64> = self.x.iter().zip(step.col(0).iter()).map(|(x, dx)| x + dx).collect();
         let d = self.problem.coordinates().deviations(&x);
-        d.iter().all(|v| v.is_finite()).then(|| self.found.start.deviated(&d))
+        d.iter().all(|v| v.is_finite()).then(|| self.found.supported.deviated(&d))
     }
 }

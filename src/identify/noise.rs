@@ -1,15 +1,24 @@
 //! Noise from the residual, where none is stated.
 
-use super::run::{Identification, IdentifyError, identify};
+use super::run::{Identification, IdentifyError};
+use super::score::Fit;
+use super::tolerances::identify;
 use crate::calibration::{Postures, Sample};
 use crate::measure::{Evaluation, Weights};
 use crate::model::Mechanism;
-use crate::solve::{Identifier, Stop};
+use crate::solve::{Failure, Identifier, Outcome, Stop};
 
 /// Most rounds of identification and estimate.
 const ROUNDS: usize = 20;
 /// Relative change of the estimate at which weights and residual agree.
 const AGREED: f64 = 0.02;
+/// Part of the error before that must go for something to be gained.
+const GAINED: f64 = 0.9;
+/// Estimated noise, in units of what the tolerances make of the readings, that is beyond belief: where nothing was
+/// gained, and where something was.
+const BEYOND: (f64, f64) = (3.0, 10.0);
+/// Error of postures that took no part, in units of the estimated noise, that is far from those of the training.
+const FAR: f64 = 3.0;
 /// Noise assumed at first, rad and machine sizes.
 const FIRST: f64 = 1e-4;
 
@@ -55,10 +64,62 @@ pub fn identify_without_noise(
         round += 1;
         let Some(next) = estimate(&found, samples) else { return Ok((found, noise)) };
         if round == ROUNDS || next.change(&noise) < AGREED {
-            return Ok((found, next));
+            return Ok((believed(found, (None, None)), next));
         }
         noise = next;
     }
+}
+
+/// The identification, as one that tells nothing of the machine where the noise that its residual leaves shows that.
+/// Noise that is estimated makes any residual seem explained: readings of another actuator become noise of half a metre.
+/// `holdout` has the errors of postures that took no part, before and after.
+pub fn believed(mut found: Identification, holdout: (Option<Fit>, Option<Fit>)) -> Identification {
+    if found.report.outcome.converged()
+        && let Some(why) = meaningless(&found, holdout)
+    {
+        let why = format!(
+            "{why}; look for mistakes of units, home, signs and actuator order (gough check), or state the noise"
+        );
+        found.report.outcome = Outcome::Failed(Failure::Meaningless(why));
+    }
+    found
+}
+
+fn meaningless(found: &Identification, holdout: (Option<Fit>, Option<Fit>)) -> Option<String> {
+    let seen = found.visibility.as_ref()?;
+    let square: f64 = seen.singular_values.iter().map(|s| s * s).sum();
+    // What tolerances make of the readings, in units of the noise.
+    let made = (square / found.rows.max(1) as f64).sqrt();
+    let gained = |(before, after): (Option<Fit>, Option<Fit>)| match (before, after) {
+        (Some(before), Some(after)) => after.weighted_rms < GAINED * before.weighted_rms,
+        _ => true,
+    };
+    if seen.counts.practical == 0 {
+        return Some(format!(
+            "no direction is known better than its tolerance, because the noise that the residual leaves is {} times \
+             what the tolerances make of the readings",
+            digits(1.0 / made)
+        ));
+    }
+    let limit = if gained(found.fit) { BEYOND.1 } else { BEYOND.0 };
+    if made * limit < 1.0 {
+        return Some(format!(
+            "the noise that the residual leaves is {} times what the tolerances make of the readings",
+            digits(1.0 / made)
+        ));
+    }
+    let off = holdout.1.map_or(0.0, |fit| fit.weighted_rms);
+    (off > FAR && !gained(holdout)).then(|| {
+        format!(
+            "postures that took no part are off by {} times the noise that the residual leaves, no less than by the \
+             drawing",
+            digits(off)
+        )
+    })
+}
+
+fn digits(value: f64) -> String {
+    if value < 1000.0 { format!("{value:.1}") } else { format!("{value:.1e}") }
 }
 
 /// Root mean square residual of rotations and of lengths, corrected for the parameters fitted.

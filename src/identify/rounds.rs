@@ -157,6 +157,8 @@ impl Run<'_> {
             set_aside: problem.set_aside().to_vec(),
             visibility: at_solution,
             start: start.clone(),
+            supported: start.clone(),
+            tolerance_test: None,
             untold: Vec::new(),
             geometry,
             variances,

@@ -2,6 +2,7 @@
 
 use super::counts::{Counts, Visibility};
 use super::covariance::{Covariance, Variance};
+use super::evidence::ToleranceTest;
 use super::outliers::Outlier;
 use super::registration::{FreeEnds, Registration, register};
 use super::rounds::Run;
@@ -45,13 +46,18 @@ pub struct Identification {
     pub start: Mechanism,
     /// What registration kept as drawn of free ends.
     pub untold: Vec<Untold>,
+    /// The same under the tolerances that the data support: estimate and covariance are in these.
+    pub supported: Mechanism,
+    /// Test of the stated tolerances by the deviations; `None` where it was not made, nothing is decided, or linear theory
+    /// does not apply.
+    pub tolerance_test: Option<ToleranceTest>,
     /// Links as identified.
     pub geometry: Geometry,
     /// Deviation of every link from the drawing, six per link, rad and m; then of the instrument's constants.
     pub deviations: Vec<f64>,
     /// Variance of each, `None` where linear theory does not apply.
     pub variances: Option<Vec<Variance>>,
-    /// Covariance of the minimal coordinates about `start`, `None` where linear theory does not apply.
+    /// Covariance of the minimal coordinates about `supported`, `None` where linear theory does not apply.
     pub covariance: Option<Covariance>,
     /// The identifier's own report, of its last round.
     pub report: Report,
@@ -79,17 +85,8 @@ pub struct Identification {
     pub taking: Vec<Sample>,
 }
 
-/// Identifies the machine's deviations from the samples.
-pub fn identify(
-    drawn: &Mechanism,
-    samples: &[Sample],
-    identifier: &dyn Identifier,
-    stop: &Stop,
-) -> Result<Identification, IdentifyError> {
-    identify_from(drawn, samples, identifier, stop, &vec![0.0; drawn.component_count()])
-}
-
-/// The same, started from link deviations `from` (rad, m, six per link) of the drawing with its free ends registered.
+/// Identifies the machine's deviations under the stated tolerances, started from link deviations `from` (rad, m, six per
+/// link) of the drawing with its free ends registered.
 pub fn identify_from(
     drawn: &Mechanism,
     samples: &[Sample],
@@ -201,8 +198,8 @@ impl Identification {
     /// not apply.
     pub fn link_root(&self) -> Option<LinkRoot> {
         let covariance = self.covariance.as_ref()?;
-        let at = self.geometry.deviations_from(&self.start.nominal());
-        let coordinates = Coordinates::new(&self.start, Form::Minimal);
+        let at = self.geometry.deviations_from(&self.supported.nominal());
+        let coordinates = Coordinates::new(&self.supported, Form::Minimal);
         let root = covariance.of_links(&coordinates, &at);
         let root = root.get(..self.start.link_component_count(), ..).to_owned();
         Some(LinkRoot { root, prior_share: covariance.prior_share.clone() })

@@ -34,6 +34,8 @@ pub enum Failure {
     Infeasible(Vec<String>),
     /// The inner solver ended with this status.
     Inner(String),
+    /// The run ended, but what it found tells nothing of the machine, and why.
+    Meaningless(String),
     /// The identifier needs something that this problem does not have.
     Unsuited(String),
 }
@@ -80,6 +82,7 @@ impl std::fmt::Display for Outcome {
                 write!(f, "constraints contradict each other: {}", names.join(", "))
             }
             Outcome::Failed(Failure::Inner(status)) => write!(f, "inner solver: {status}"),
+            Outcome::Failed(Failure::Meaningless(why)) => write!(f, "nothing was identified: {why}"),
             Outcome::Failed(Failure::Unsuited(why)) => write!(f, "does not suit this problem: {why}"),
         }
     }

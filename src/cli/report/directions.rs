@@ -84,7 +84,7 @@ fn weakest(study: &Study) -> Option<(Figure, Table)> {
     let kept = seen.counts.practical.min(root.ncols());
     let range = kept.saturating_sub(DIRECTIONS)..kept;
     let (names, sigma): (Vec<String>, Vec<Option<f64>>) = components(study).into_iter().unzip();
-    let coordinates = Coordinates::new(&study.start, Form::Minimal);
+    let coordinates = Coordinates::new(&study.supported, Form::Minimal);
     // In tolerances; components without one do not take part.
     let column = |k: usize| -> Vec<f64> {
         let column: Vec<f64> = root.col(k).iter().copied().collect();

@@ -70,6 +70,12 @@ fn outcome(result: &ResultFile, study: &Result<Study, String>) -> Table {
             row("residual", verdict.clone());
         }
     }
+    if let Some(factor) = &result.tolerance_factor {
+        row("tolerances", factor.verdict.clone());
+        if factor.in_force != 1.0 {
+            row("tolerances in force, times the stated ones", digits(factor.in_force, 4));
+        }
+    }
     if let Some(kkt) = result.kkt {
         row("KKT residual", digits(kkt, 3));
     }

@@ -30,6 +30,8 @@ const OTHER: f64 = 1e-6;
 pub(super) struct Study {
     /// The machine about which was linearised: as drawn, with free ends registered.
     pub(super) start: Mechanism,
+    /// The same under the tolerances that the data support: the covariance is in these.
+    pub(super) supported: Mechanism,
     /// The machine as identified.
     pub(super) geometry: Geometry,
     /// Its deviations from `start`, rad and m.
@@ -164,16 +166,22 @@ fn study(result: &ResultFile, model: &Model, problem: ProblemFile) -> Result<Stu
     let before = residuals(&start, &start.nominal(), &training);
     let after = residuals(&start, &geometry, &training);
     let seen = visibility(&start, &training, &at).ok();
+    let in_force = result.tolerance_factor.as_ref().map_or(1.0, |factor| factor.in_force);
+    let supported = if in_force == 1.0 { start.clone() } else { start.with_tolerances(in_force) };
     let estimate = result.estimate.map(Into::into);
     let decoupled = matches!(estimate, Some(Estimate::Decoupled { .. }));
     let covariance = match estimate {
         Some(_) if decoupled && !result.converged => None,
         Some(estimate) if decoupled => {
-            let limbs = Calibration::new(&start, &training, Form::Minimal, &at);
+            let limbs = Calibration::new(&supported, &training, Form::Minimal, &at);
             let x = limbs.coordinates().nearest(&at);
             Covariance::decoupled(estimate, &limbs, &x).ok().flatten()
         }
-        Some(estimate) => seen.as_ref().and_then(|seen| Covariance::joint(estimate, seen)),
+        Some(estimate) if in_force == 1.0 => seen.as_ref().and_then(|seen| Covariance::joint(estimate, seen)),
+        Some(estimate) => {
+            let seen = visibility(&supported, &training, &at).ok();
+            seen.and_then(|seen| Covariance::joint(estimate, &seen))
+        }
         None => None,
     };
     let root = covariance.map(|c| c.root);
@@ -194,7 +202,7 @@ fn study(result: &ResultFile, model: &Model, problem: ProblemFile) -> Result<Stu
             && (in_noise.is_none() || same(s.weighted_rms, in_noise))
     });
     let residuals = before.into_iter().zip(after).collect();
-    Ok(Study { start, geometry, at, training, residuals, seen, root, decoupled, reproduced })
+    Ok(Study { start, supported, geometry, at, training, residuals, seen, root, decoupled, reproduced })
 }
 
 /// Whether the machine with these links takes other poses than that of the result at the first samples' readings.

@@ -26,7 +26,7 @@ pub(super) fn section(result: &ResultFile, study: &Study) -> Section {
         Ok(drawn) => (drawn, format!("{POSTURES} random postures within the actuators' ranges")),
         Err(_) => (measured, "the measured postures".into()),
     };
-    let spreads = match pose_spreads(&study.start, &study.at, root, &actuators) {
+    let spreads = match pose_spreads(&study.supported, &study.at, root, &actuators) {
         Ok(spreads) if !spreads.is_empty() => spreads,
         Ok(_) => return section.with(Part::Text("No posture closes from home.".into())),
         Err(why) => return section.with(Part::Text(format!("The uncertainty cannot be evaluated: {why}."))),

@@ -183,7 +183,7 @@ impl Search {
         let residual = self.residual()?;
         if !self.causes.iter().any(|cause| matches!(cause, Cause::Model(_)))
             && let Some(finding) =
-                model::neighbours(&found.start, &self.linear, &residual, samples, &self.before)
+                model::neighbours(&found.supported, &self.linear, &residual, samples, &self.before)
         {
             self.causes.push(Cause::Model(finding));
         }

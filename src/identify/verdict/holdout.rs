@@ -32,8 +32,8 @@ impl HoldoutTest {
         if freedom < 3.0 || holdout.is_empty() {
             return None;
         }
-        let at = found.geometry.deviations_from(&found.start.nominal());
-        let problem = Calibration::new(&found.start, holdout, Form::Minimal, &at);
+        let at = found.geometry.deviations_from(&found.supported.nominal());
+        let problem = Calibration::new(&found.supported, holdout, Form::Minimal, &at);
         let lin = problem.linearize(&problem.coordinates().nearest(&at)).ok()?;
         let (m, k) = (lin.r.len(), covariance.root.ncols());
         // The noise is what the training shows; what is weak is as uncertain as the tolerances, whatever the noise.

@@ -65,12 +65,12 @@ impl Linear {
     pub fn new(found: &Identification, samples: &[Sample], sets: &[usize], active: &[bool]) -> Option<Self> {
         found.covariance.as_ref()?;
         let seen = found.visibility.as_ref()?;
-        let at = found.geometry.deviations_from(&found.start.nominal());
-        let whole = Calibration::new(&found.start, samples, Form::Minimal, &at);
+        let at = found.geometry.deviations_from(&found.supported.nominal());
+        let whole = Calibration::new(&found.supported, samples, Form::Minimal, &at);
         let open: Vec<usize> = whole.set_aside().iter().map(|s| s.sample).collect();
         let closing: Vec<usize> = (0..samples.len()).filter(|k| !open.contains(k)).collect();
         let own: Vec<Sample> = closing.iter().map(|&k| samples[k].clone()).collect();
-        let problem = Calibration::new(&found.start, &own, Form::Minimal, &at);
+        let problem = Calibration::new(&found.supported, &own, Form::Minimal, &at);
         let x = problem.coordinates().nearest(&at);
         let spans = problem.blocks();
         let by_posture = ByPosture::of(&own);
@@ -107,12 +107,12 @@ impl Linear {
 
     /// Finds the cell of each row, and turns rows to the principal axes of their noise where they have no axis.
     fn name_rows(&mut self, found: &Identification, samples: &[Sample], sets: &[usize]) -> Option<()> {
-        let mut postures = Postures::new(&found.start);
+        let mut postures = Postures::new(&found.supported);
         let mut evaluation = Evaluation::default();
         let mut names = Vec::with_capacity(self.r.len());
         for (span, members) in self.spans.iter().zip(&self.members) {
             telling(members.iter().map(|&i| &samples[i]))?
-                .close_all(&found.start, &found.geometry, &mut postures)
+                .close_all(&found.supported, &found.geometry, &mut postures)
                 .ok()?;
             for &i in members {
                 let view = postures.view(&samples[i], &found.geometry);

@@ -22,7 +22,7 @@ pub use order::{DriftFinding, OrderFinding};
 pub use readings::RowCause;
 
 use super::outliers::Outlier;
-use super::run::{Identification, identify};
+use super::run::{Identification, identify_from};
 use crate::calibration::Sample;
 use crate::solve::{Identifier, Stop, registry};
 use analysis::Analysis;
@@ -165,7 +165,8 @@ impl Judgement {
         }
         let rest: Vec<Sample> =
             (0..samples.len()).filter(|k| !removed.contains(k)).map(|k| samples[k].clone()).collect();
-        let clean = identify(&of.found.start, &rest, of.identifier, of.stop).ok()?;
+        let zeros = vec![0.0; of.found.supported.component_count()];
+        let clean = identify_from(&of.found.supported, &rest, of.identifier, of.stop, &zeros).ok()?;
         clean.report.outcome.converged().then_some(clean)
     }
 
@@ -182,7 +183,7 @@ impl Judgement {
             .map(|(group, outlier)| NamedOutlier {
                 outlier: outlier.clone(),
                 cause: match group.as_slice() {
-                    &[only] => readings::cause(&clean.start, &clean.geometry, &samples[only]),
+                    &[only] => readings::cause(&clean.supported, &clean.geometry, &samples[only]),
                     _ => RowCause::Unknown,
                 },
             })
@@ -323,6 +324,7 @@ impl OutlierFinding {
 /// Postures that stand out by the robust identifier, which they do not lead astray.
 fn robust_outliers(of: &Judged<'_>, samples: &[Sample]) -> Option<Vec<Outlier>> {
     let robust = registry::find(ROBUST).ok()?;
-    let found = identify(&of.found.start, samples, robust.as_ref(), of.stop).ok()?;
+    let zeros = vec![0.0; of.found.supported.component_count()];
+    let found = identify_from(&of.found.supported, samples, robust.as_ref(), of.stop, &zeros).ok()?;
     (found.report.outcome.converged() && found.set_aside.is_empty()).then_some(found.outliers)
 }

@@ -73,9 +73,9 @@ pub(super) fn joint_patterns(
 ) -> Option<Vec<JointPattern>> {
     // Every component of every link, those held included.
     let one = Tolerance { angle: Prior::Sigma(1.0), length: Prior::Sigma(1.0) };
-    let mut open: Mechanism = found.start.clone();
+    let mut open: Mechanism = found.supported.clone();
     open.limbs.iter_mut().flat_map(|limb| &mut limb.links).for_each(|link| link.tolerance = one);
-    let at = found.geometry.deviations_from(&found.start.nominal());
+    let at = found.geometry.deviations_from(&found.supported.nominal());
     let closing: Vec<Sample> = linear.closing.iter().map(|&k| samples[k].clone()).collect();
     let first = |k: usize| &samples[linear.members[k][0]];
     let problem = Calibration::new(&open, &closing, Form::Complete, &at);

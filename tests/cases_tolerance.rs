@@ -1,0 +1,222 @@
+//! Tolerances that the deviations contradict; nonsense without stated noise; estimates that converge.
+
+mod support;
+
+use gough::calibration::{Calibration, Sample};
+use gough::files::{DataPlaces, ProblemFile, read_problem};
+use gough::identify::counts::visibility;
+use gough::identify::{Evidence, ToleranceVerdict, identify};
+use gough::measure::Pose;
+use gough::model::{Prior, Tolerance};
+use gough::problem::{Form, Problem};
+use gough::simulate::{Plan, simulate};
+use gough::solve::minimal::Minimal;
+use gough::solve::{Stop, registry};
+use nalgebra::{DMatrix, DVector};
+use std::path::PathBuf;
+use std::sync::Arc;
+use support::{GOLDEN, Ran, done, file, golden, gough, json};
+
+fn case(name: &str) -> PathBuf {
+    file("tests/data/cases").join(name)
+}
+
+fn problem(path: &std::path::Path) -> ProblemFile {
+    read_problem(path, &DataPlaces { data_dir: None, shared: "no such folder".into() }).unwrap()
+}
+
+/// Identifies a case whose truth is `factor` tolerances off.
+fn factor_is_named(name: &str, factor: f64, written: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("result.json");
+    let path = case(name);
+    let Ran { status, stdout, stderr } = gough("identify {0} -o {1}", &[&path, &output]);
+    assert_eq!(status, 0, "{stderr}");
+    let result = json(&output);
+    let named = &result["tolerance_factor"];
+    let value = named["value"].as_f64().unwrap();
+    assert!((0.8..1.25).contains(&(value / factor)), "{name}: {named}");
+    assert!(named["probability"].as_f64().unwrap() < 1e-50, "{named}");
+    assert_eq!(named["in_force"].as_f64().unwrap(), value);
+    let (low, high) = (named["interval"][0].as_f64().unwrap(), named["interval"][1].as_f64().unwrap());
+    assert!(low < factor && factor < high, "{named}");
+    assert!(stdout.contains("what the stated tolerances make them"), "{stdout}");
+    let told = stderr.contains("estimate, standard errors and predictions are those of tolerances");
+    assert!(told && stderr.contains(written), "{stderr}");
+    // The residual is explained then, and the tolerances of the drawing are not replaced in the result.
+    assert!(result["chi_square"]["probability"].as_f64().unwrap() > 0.001, "{}", result["chi_square"]);
+    let drawn = problem(&path);
+    let again = gough::files::read_model(&output).unwrap();
+    let links = |m: &gough::model::Mechanism| m.limbs[0].links[1].tolerance;
+    assert_eq!(links(&again.mechanism), links(&drawn.mechanism));
+    // Standard errors of the links hold the truth, which the file states.
+    let samples = &drawn.data.samples;
+    let found = identify(&drawn.mechanism, samples, &Minimal::default(), &Stop::default()).unwrap();
+    let truth = drawn.truth.as_ref().unwrap().nominal();
+    let x = gough::compare::gauge::representative(&found.start, &truth);
+    let truth = gough::calibration::Coordinates::new(&found.start, Form::Minimal).deviations(&x);
+    let errors = found.standard_errors().unwrap();
+    let each = truth.iter().zip(&found.deviations).zip(&errors).filter(|(_, error)| **error > 1e-9);
+    let held: Vec<bool> = each.map(|((a, b), error)| (a - b).abs() <= 1.96 * error).collect();
+    let share = held.iter().filter(|held| **held).count() as f64 / held.len() as f64;
+    assert!(share > 0.88, "{name}: {share:.3} of {} components", held.len());
+    // A report has the covariance of the result.
+    let page = folder.path().join("page.html");
+    done("report {0} --problem {1} -o {2}", &[&output, &path, &page]);
+    let page = std::fs::read_to_string(&page).unwrap();
+    assert!(page.contains("tolerances in force, times the stated ones"));
+}
+
+#[test]
+fn delta_six_tolerances_off() {
+    factor_is_named("tolerance/delta-3ruu-tol6.json", 6.0, "\"angle\": 0.0060");
+}
+
+#[test]
+fn arm_five_tolerances_off() {
+    factor_is_named("tolerance/tolerance5-ur10.json", 5.0, "\"length\": 0.005");
+}
+
+#[test]
+fn hexapod_ten_tolerances_off() {
+    factor_is_named("tolerance/stewart-6-3-10-1.json", 10.0, "\"angle\": 0.010");
+}
+
+#[test]
+fn tolerances_that_are_right_raise_no_alarm() {
+    for case in GOLDEN {
+        let path = golden(case, "problem.json");
+        let ran = done("identify {0}", &[&path]);
+        assert!(ran.stdout.contains("the stated tolerances explain the deviations"), "{}", ran.stdout);
+    }
+}
+
+#[test]
+fn nonsense_without_noise_is_not_converged() {
+    let path = case("setup/silent-nonsense-ur10-j3-reversed-no-noise.json");
+    for line in ["identify {0} --holdout 0.2", "identify {0}", "identify {0} --solver map"] {
+        let ran = gough(line, &[&path]);
+        assert_eq!(ran.status, 1, "{ran:?}");
+        let told =
+            ran.stderr.contains("nothing was identified: no direction is known better than its tolerance");
+        assert!(told && ran.stderr.contains("gough check"), "{}", ran.stderr);
+    }
+}
+
+/// Sound data without stated noise end well.
+#[test]
+fn sense_without_noise_is() {
+    let folder = tempfile::tempdir().unwrap();
+    for case in GOLDEN {
+        let mut value = json(&golden(case, "problem.json"));
+        value["data"].as_object_mut().unwrap().remove("noise");
+        let path = support::write(folder.path(), "problem.json", &value);
+        let ran = gough("identify {0} --holdout 0.2", &[&path]);
+        assert_eq!(ran.status, 0, "{ran:?}");
+    }
+}
+
+/// `log det(I + F^2 J J') + r'(...)^-1 r` written out, with free components as ones of an immense tolerance.
+#[test]
+fn evidence_is_the_marginal_likelihood() {
+    let mut drawn = problem(&golden("serial-6r", "problem.json"));
+    for free in [false, true] {
+        let samples = &drawn.data.samples[..12];
+        if free {
+            let all = Tolerance { angle: Prior::Free, length: Prior::Free };
+            drawn.mechanism.limbs[0].links[0].tolerance = all;
+        }
+        let mechanism = &drawn.mechanism;
+        let at = vec![0.0; mechanism.component_count()];
+        let problem = Calibration::new(mechanism, samples, Form::Minimal, &at);
+        let seen = visibility(mechanism, samples, &at).unwrap();
+        let x = vec![0.0; problem.params().len()];
+        let evidence = Evidence::at(mechanism, &problem, &x, &seen).unwrap();
+        let complete = Calibration::new(mechanism, samples, Form::Complete, &at);
+        let zeros = vec![0.0; complete.params().len()];
+        let dense = complete.linearize(&zeros).unwrap();
+        let (m, n) = (dense.jac.nrows(), dense.jac.ncols());
+        let jac = DMatrix::from_fn(m, n, |i, j| dense.jac[(i, j)]);
+        let r = DVector::from_column_slice(&dense.r);
+        let first = if free { 6 } else { 0 };
+        let written = |factor: f64| {
+            let stated = jac.columns(first, n - first);
+            let unknown = jac.columns(0, first);
+            let covariance = DMatrix::identity(m, m)
+                + stated * stated.transpose() * (factor * factor)
+                + unknown * unknown.transpose() * 1e8;
+            let factored = covariance.cholesky().unwrap();
+            let determinant: f64 = factored.l().diagonal().iter().map(|v| 2.0 * v.ln()).sum();
+            -0.5 * (determinant + r.dot(&factored.solve(&r)))
+        };
+        for factor in [0.3, 2.0, 10.0] {
+            let ours = evidence.likelihood(factor, 1.0) - evidence.likelihood(1.0, 1.0);
+            let theirs = written(factor) - written(1.0);
+            // Directions fainter than 0.3 are left out of ours.
+            assert!((ours - theirs).abs() < 0.02 * theirs.abs() + 0.1, "{free} {factor}: {ours} {theirs}");
+        }
+    }
+}
+
+/// The test under its own hypothesis, drawn from it: alarms as often as stated, intervals that hold the factor.
+#[test]
+fn test_is_as_sharp_as_it_says() {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    let strengths: Vec<f64> = (0..40).map(|k| 1000.0 * 0.75f64.powi(k)).collect();
+    let mut test = |factor: f64| {
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let readings = strengths.iter().map(|s| (1.0 + (factor * s).powi(2)).sqrt() * normal()).collect();
+        Evidence { strengths: strengths.clone(), readings }.test(1.0, 1.0).unwrap()
+    };
+    let count = 4000;
+    let (mut below, mut alarms, mut held) = (0, 0, 0);
+    for _ in 0..count {
+        let test = test(1.0);
+        below += usize::from(test.probability < 0.05);
+        alarms += usize::from(test.verdict == ToleranceVerdict::TooSmall);
+        held += usize::from(test.interval.0 <= 1.0 && 1.0 <= test.interval.1);
+    }
+    let share = |of: usize| of as f64 / f64::from(count);
+    assert!((0.035..0.065).contains(&share(below)), "{}", share(below));
+    assert!(share(alarms) < 0.004, "{}", share(alarms));
+    assert!((0.93..0.97).contains(&share(held)), "{}", share(held));
+    let named = (0..200).filter(|_| (0.8..1.25).contains(&(test(3.0).factor / 3.0))).count();
+    assert!(named > 160, "{named}");
+}
+
+/// A part of `examples/tolerances.rs`.
+#[test]
+fn factors_are_named() {
+    let drawn = problem(&golden("serial-6r", "problem.json"));
+    let noise = drawn.data.noise.unwrap();
+    for (distance, alarm) in [(1.0, false), (3.0, true), (6.0, true)] {
+        for seed in 1..=4 {
+            let plan = Plan { poses: 40, holdout: 0, seed, noise: 1.0, distance };
+            let simulated = simulate(&drawn.mechanism, &noise, &plan).unwrap();
+            let sample = |(actuators, pose): &(Vec<f64>, _)| Sample {
+                name: "sample".into(),
+                actuators: actuators.clone(),
+                measurement: Arc::new(Pose::new(*pose, [true; 6], &noise).unwrap()),
+            };
+            let samples: Vec<Sample> = simulated.samples.iter().map(sample).collect();
+            let found = identify(&drawn.mechanism, &samples, &Minimal::default(), &Stop::default()).unwrap();
+            let test = found.tolerance_test.unwrap();
+            assert_eq!(test.verdict == ToleranceVerdict::TooSmall, alarm, "{distance} {seed}: {test:?}");
+            assert!((0.65..1.6).contains(&(test.factor / distance)), "{distance} {seed}: {test:?}");
+            assert_eq!(test.in_force, if alarm { test.factor } else { 1.0 });
+        }
+    }
+}
+
+#[test]
+fn limits_and_robust_losses_are_not_tested() {
+    let drawn = problem(&golden("serial-6r", "problem.json"));
+    for name in ["conic-huber", "conic-bounded", "textbook"] {
+        let solver = registry::find(name).unwrap();
+        let found =
+            identify(&drawn.mechanism, &drawn.data.samples, solver.as_ref(), &Stop::default()).unwrap();
+        assert!(found.tolerance_test.is_none_or(|test| test.in_force == 1.0), "{name}");
+    }
+}
