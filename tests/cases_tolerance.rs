@@ -5,11 +5,12 @@ mod support;
 use gough::calibration::{Calibration, Sample};
 use gough::files::{DataPlaces, ProblemFile, read_problem};
 use gough::identify::counts::visibility;
-use gough::identify::{Evidence, ToleranceVerdict, identify};
+use gough::identify::{Evidence, ToleranceVerdict, identify, pose_covariances};
+use gough::lie::so3;
 use gough::measure::Pose;
-use gough::model::{Prior, Tolerance};
+use gough::model::{Geometry, Mechanism, Posture, Prior, Tolerance};
 use gough::problem::{Form, Problem};
-use gough::simulate::{Plan, simulate};
+use gough::simulate::{Plan, close, simulate};
 use gough::solve::minimal::Minimal;
 use gough::solve::{Stop, registry};
 use nalgebra::{DMatrix, DVector};
@@ -47,19 +48,30 @@ fn factor_is_named(name: &str, factor: f64, written: &str) {
     assert!(result["chi_square"]["probability"].as_f64().unwrap() > 0.001, "{}", result["chi_square"]);
     let drawn = problem(&path);
     let again = gough::files::read_model(&output).unwrap();
-    let links = |m: &gough::model::Mechanism| m.limbs[0].links[1].tolerance;
+    let links = |m: &Mechanism| m.limbs[0].links[1].tolerance;
     assert_eq!(links(&again.mechanism), links(&drawn.mechanism));
-    // Standard errors of the links hold the truth, which the file states.
+    // Stated intervals of predicted poses hold the true poses at the readings of the hold-out.
     let samples = &drawn.data.samples;
     let found = identify(&drawn.mechanism, samples, &Minimal::default(), &Stop::default()).unwrap();
-    let truth = drawn.truth.as_ref().unwrap().nominal();
-    let x = gough::compare::gauge::representative(&found.start, &truth);
-    let truth = gough::calibration::Coordinates::new(&found.start, Form::Minimal).deviations(&x);
-    let errors = found.standard_errors().unwrap();
-    let each = truth.iter().zip(&found.deviations).zip(&errors).filter(|(_, error)| **error > 1e-9);
-    let held: Vec<bool> = each.map(|((a, b), error)| (a - b).abs() <= 1.96 * error).collect();
-    let share = held.iter().filter(|held| **held).count() as f64 / held.len() as f64;
-    assert!(share > 0.88, "{name}: {share:.3} of {} components", held.len());
+    let truth = drawn.truth.as_ref().unwrap();
+    let closed = |machine: &Mechanism, geometry: &Geometry| -> Vec<(Vec<f64>, Posture)> {
+        let held_out = drawn.holdout.samples.iter().map(|sample| sample.actuators.clone());
+        held_out.map(|q| (q.clone(), close(machine, geometry, &q).unwrap())).collect()
+    };
+    let postures = closed(&found.start, &found.geometry);
+    let stated = pose_covariances(&found.calibrated(), &postures, &found.link_root().unwrap()).unwrap();
+    let (mut held, mut count) = (0, 0);
+    let pairs = postures.iter().zip(closed(truth, &truth.nominal()));
+    for (((_, posture), (_, truth)), stated) in pairs.zip(stated) {
+        let (at, truth) = (posture.tool(), truth.tool());
+        let w = so3::log(&(at.r * truth.r.transpose()));
+        let dp = at.p - truth.p;
+        for (error, std) in w.iter().chain(dp.iter()).zip(stated.std()) {
+            held += usize::from(error.abs() <= 1.96 * std);
+            count += 1;
+        }
+    }
+    assert!(10 * held > 8 * count, "{name}: {held} of {count}");
     // A report has the covariance of the result.
     let page = folder.path().join("page.html");
     done("report {0} --problem {1} -o {2}", &[&output, &path, &page]);
@@ -144,7 +156,7 @@ fn evidence_is_the_marginal_likelihood() {
             let unknown = jac.columns(0, first);
             let covariance = DMatrix::identity(m, m)
                 + stated * stated.transpose() * (factor * factor)
-                + unknown * unknown.transpose() * 1e8;
+                + unknown * unknown.transpose() * 1e2;
             let factored = covariance.cholesky().unwrap();
             let determinant: f64 = factored.l().diagonal().iter().map(|v| 2.0 * v.ln()).sum();
             -0.5 * (determinant + r.dot(&factored.solve(&r)))
@@ -219,4 +231,31 @@ fn limits_and_robust_losses_are_not_tested() {
             identify(&drawn.mechanism, &drawn.data.samples, solver.as_ref(), &Stop::default()).unwrap();
         assert!(found.tolerance_test.is_none_or(|test| test.in_force == 1.0), "{name}");
     }
+}
+
+/// The default ends where `map` does, on problems whose weak directions lead along curved valleys.
+fn converges(name: &str, noise: f64) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("result.json");
+    let ran = gough("identify {0} -o {1}", &[&case(name), &output]);
+    assert_eq!(ran.status, 0, "{ran:?}");
+    let result = json(&output);
+    let holdout = result["holdout"]["after"]["weighted_rms"].as_f64().unwrap();
+    assert!(holdout < noise, "{name}: {holdout}");
+    assert!(
+        result["chi_square"]["probability"].as_f64().unwrap() > 0.001,
+        "{name}: {}",
+        result["chi_square"]
+    );
+    assert!(!ran.stderr.contains("stand out") && !ran.stderr.contains("stands out"), "{}", ran.stderr);
+}
+
+#[test]
+fn wrist_from_separations_converges() {
+    converges("statistics/bad-upu-wrist-separation-tol-115.json", 1.2);
+}
+
+#[test]
+fn delta_from_mixed_readings_converges() {
+    converges("statistics/bad-delta-3ruu-mixed-free-106.json", 0.8);
 }

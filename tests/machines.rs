@@ -3,8 +3,8 @@
 use gough::calibration::Calibration;
 use gough::files::problem::parse_problem;
 use gough::files::{DataPlaces, ProblemFile};
-use gough::identify::run::{Identification, identify};
 use gough::identify::score::score;
+use gough::identify::{Identification, identify};
 use gough::problem::Problem;
 use gough::solve::{Identifier, Stop, registry};
 use serde_json::Value;

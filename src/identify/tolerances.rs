@@ -32,7 +32,8 @@ pub fn identify(
     let zeros = vec![0.0; drawn.component_count()];
     let mut first = identify_from(drawn, samples, identifier, stop, &zeros)?;
     let Some(test) = tolerance_test(&first, samples, 1.0) else { return Ok(first) };
-    first.tolerance_test = Some(test);
+    // What did not end says nothing of the machine.
+    first.tolerance_test = Some(test).filter(|_| first.report.outcome.converged());
     if test.verdict != ToleranceVerdict::TooSmall || !follows(&first, identifier) {
         return Ok(first);
     }
@@ -40,8 +41,7 @@ pub fn identify(
     let mut last: Option<(Identification, ToleranceTest)> = None;
     let mut wanted = test.factor;
     for _ in 0..ROUNDS {
-        let left = Stop { iterations: stop.iterations.saturating_sub(trace.len()), ..*stop };
-        if wanted > MOST || left.iterations == 0 {
+        if wanted > MOST {
             break;
         }
         // Where tolerances too small led astray, the drawing is the better start.
@@ -52,7 +52,7 @@ pub fn identify(
             }
             None => zeros.clone(),
         };
-        let next = identify_from(&drawn.with_tolerances(wanted), samples, identifier, &left, &from)?;
+        let next = identify_from(&drawn.with_tolerances(wanted), samples, identifier, stop, &from)?;
         trace.extend_from_slice(&next.trace);
         let test = tolerance_test(&next, samples, 1.0 / wanted);
         let Some(test) = test.filter(|_| next.report.outcome.converged()) else { break };

@@ -3,6 +3,7 @@
 use super::identifier::{Identifier, SettingError, Stop};
 use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
 use super::split::{Model, Split};
+use super::valley::{floor, under_full_prior};
 use crate::linalg::{self, norm};
 use crate::problem::{Compressed, EvalError, Problem};
 
@@ -16,6 +17,10 @@ use crate::problem::{Compressed, EvalError, Problem};
 /// Split and curvature are renewed where the last step was long or not as good as promised, and kept otherwise,
 /// with the exact gradient: the end of an iteration costs no factorisation, and a singular value near the
 /// threshold cannot make it swing.
+///
+/// A step that a curved valley spoils is corrected before it is damped. Where the iteration ends nowhere all the same,
+/// valleys that the prior leaves to the data lead out of reach: then the full prior stands on every direction, as `map`
+/// has it.
 #[derive(Clone, Copy, Debug)]
 pub struct Minimal {
     /// Signal-to-noise ratio above which a direction is kept.
@@ -88,6 +93,21 @@ impl Identifier for Minimal {
     }
 
     fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
+        if self.renewing || !problem.has_prior() {
+            return self.iterate(problem, start, stop);
+        }
+        // As many iterations are left for the full prior, should it come to that.
+        let iterations = stop.iterations.div_ceil(2);
+        let report = self.iterate(problem, start, &Stop { iterations, ..*stop });
+        if report.outcome.converged() {
+            return report;
+        }
+        under_full_prior(problem, start, stop, report)
+    }
+}
+
+impl Minimal {
+    fn iterate(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
         let estimate = match problem.has_prior() {
             true => Estimate::Split { threshold: self.threshold },
             false => Estimate::LeastSquares,
@@ -124,7 +144,8 @@ impl Identifier for Minimal {
                     true => current.fresh_step(damping),
                     false => current.stale_step(&report.x, &gradient, damping),
                 };
-                match self.try_step(problem, &current, &origin, dx, (damping == 0.0).then_some(stop)) {
+                let undamped = (damping == 0.0).then_some(stop);
+                match self.try_step(problem, &current, &origin, dx, undamped, (fresh, damping)) {
                     Ok(step) => break step,
                     // A stale model is renewed before it is damped.
                     Err(_) if !fresh => break None,
@@ -226,6 +247,7 @@ impl Minimal {
         origin: &Origin<'_>,
         dx: Option<Vec<f64>>,
         undamped: Option<&Stop>,
+        (fresh, damping): (bool, f64),
     ) -> Result<Option<Taken>, Failure> {
         let dx = dx.ok_or(Failure::NoDescent)?;
         let promised = model.promise(origin.x, origin.gradient, &dx);
@@ -252,9 +274,16 @@ impl Minimal {
         };
         let gained = origin.merit - cost - model.split.penalty(&trial);
         if gained >= 0.0 || promised <= UNJUDGED * origin.merit {
-            Ok(Some(Taken { dx, promised, gained, cost, gradient, reached, ends }))
-        } else {
-            Err(Failure::NoDescent)
+            return Ok(Some(Taken { dx, promised, gained, cost, gradient, reached, ends }));
         }
+        if !fresh || !problem.has_prior() {
+            return Err(Failure::NoDescent);
+        }
+        let Some((dx, end)) = floor(problem, model, (origin.x, origin.merit), dx, damping) else {
+            return Err(Failure::NoDescent);
+        };
+        let gained = origin.merit - end.cost - model.split.penalty(&end.x);
+        let (cost, gradient) = (end.cost, end.gradient);
+        Ok(Some(Taken { dx, promised, gained, cost, gradient, reached: None, ends: None }))
     }
 }

@@ -21,6 +21,7 @@ pub mod report;
 pub mod settings;
 pub mod split;
 pub mod textbook;
+mod valley;
 
 pub use identifier::{Identifier, SettingError, Stop};
 pub use objective::Objective;
