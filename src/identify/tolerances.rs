@@ -6,7 +6,7 @@ use super::run::{Identification, IdentifyError, identify_from};
 use crate::calibration::{Calibration, Sample};
 use crate::model::Mechanism;
 use crate::problem::Form;
-use crate::solve::{Estimate, Identifier, Stop};
+use crate::solve::{Estimate, Identifier, Iterate, Stop};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Most identifications under restated tolerances.
@@ -81,15 +81,21 @@ fn restated(
     found: Identification,
     test: ToleranceTest,
     first: &Identification,
-    trace: Vec<crate::solve::Iterate>,
+    trace: Vec<Iterate>,
     samples: &[Sample],
 ) -> Identification {
-    let at = found.geometry.deviations_from(&first.start.nominal());
+    let mut start = found.start.clone();
+    let stated = first.start.limbs.iter().flat_map(|limb| &limb.links);
+    let own = start.limbs.iter_mut().flat_map(|limb| &mut limb.links);
+    own.zip(stated).for_each(|(link, stated)| link.tolerance = stated.tolerance);
+    let constants = start.instrument.iter_mut().zip(&first.start.instrument);
+    constants.for_each(|(constant, stated)| constant.prior = stated.prior);
+    let at = found.geometry.deviations_from(&start.nominal());
     Identification {
-        visibility: visibility(&first.start, samples, &at).ok(),
+        visibility: visibility(&start, samples, &at).ok(),
         nominal: first.nominal.clone(),
         set_aside_at_start: first.set_aside_at_start.clone(),
-        start: first.start.clone(),
+        start,
         tolerance_test: Some(test),
         trace,
         ..found
