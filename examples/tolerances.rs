@@ -4,8 +4,8 @@
 //! `cargo run --release --example tolerances -- 100 1,3,6,10 minimal,map PROBLEM...` prints a row per problem, factor and
 //! identifier. The table of docs/design.md is made of these.
 
+use gough::calibration::representative::representative;
 use gough::calibration::{Coordinates, Sample};
-use gough::compare::gauge::representative;
 use gough::files::{DataPlaces, ProblemFile, read_problem};
 use gough::identify::score::score;
 use gough::identify::{ToleranceVerdict, identify, pose_covariances};
