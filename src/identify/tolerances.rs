@@ -52,8 +52,13 @@ pub fn identify(
             }
             None => zeros.clone(),
         };
-        let next = identify_from(&drawn.with_tolerances(wanted), samples, identifier, stop, &from)?;
+        let wider = drawn.with_tolerances(wanted);
+        let mut next = identify_from(&wider, samples, identifier, stop, &from)?;
         trace.extend_from_slice(&next.trace);
+        if !next.report.outcome.converged() && from != zeros {
+            next = identify_from(&wider, samples, identifier, stop, &zeros)?;
+            trace.extend_from_slice(&next.trace);
+        }
         let test = tolerance_test(&next, samples, 1.0 / wanted);
         let Some(test) = test.filter(|_| next.report.outcome.converged()) else { break };
         let (change, likely) = ((test.factor / wanted).ln().abs(), test.factor);
@@ -65,7 +70,7 @@ pub fn identify(
     }
     match last {
         Some((found, test)) if test.verdict == ToleranceVerdict::TooSmall => {
-            Ok(restated(found, test, &first, trace, samples))
+            Ok(restated(found, test, &first, trace))
         }
         _ => Ok(first),
     }
@@ -82,7 +87,6 @@ fn restated(
     test: ToleranceTest,
     first: &Identification,
     trace: Vec<Iterate>,
-    samples: &[Sample],
 ) -> Identification {
     let mut start = found.start.clone();
     let stated = first.start.limbs.iter().flat_map(|limb| &limb.links);
@@ -92,7 +96,7 @@ fn restated(
     constants.for_each(|(constant, stated)| constant.prior = stated.prior);
     let at = found.geometry.deviations_from(&start.nominal());
     Identification {
-        visibility: visibility(&start, samples, &at).ok(),
+        visibility: visibility(&start, &found.taking, &at).ok(),
         nominal: first.nominal.clone(),
         set_aside_at_start: first.set_aside_at_start.clone(),
         start,
