@@ -95,10 +95,24 @@ impl Summary<'_> {
                     if count == 1 { "it" } else { "them" },
                 ),
             };
-            warnings.push(format!("{postures} {verb}{astray}: {}", names.join(", ")));
+            let without = judgement.causes.iter().find_map(|cause| match cause {
+                Cause::Outliers(found) => found.without,
+                _ => None,
+            });
+            let without = without.map_or(String::new(), |test| {
+                format!(
+                    "; without {} chi-square is {} for {} degrees of freedom (probability {})",
+                    if count == 1 { "it" } else { "them" },
+                    digits(test.value),
+                    digits(test.degrees_of_freedom),
+                    chi_square::probability(test.probability)
+                )
+            });
+            warnings.push(format!("{postures} {verb}{astray}: {}{without}", names.join(", ")));
         }
+        let only_outliers = matches!(judgement.causes.as_slice(), [Cause::Outliers(_)]);
         if self.noise.is_none() && judgement.total.is_some() && self.found.report.outcome.converged() {
-            warnings.extend(judgement.sentence().filter(|_| !judgement.is_clean()));
+            warnings.extend(judgement.sentence().filter(|_| !judgement.is_clean() && !only_outliers));
             if let Some(ratio) = judgement.birge_ratio() {
                 warnings.push(format!(
                     "standard errors suppose the stated noise: as things are they are too small; scaled_std of the \

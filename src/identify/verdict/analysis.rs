@@ -38,7 +38,7 @@ impl Analysis {
         let groups = groups::tests(&groups::groups(&stated.cells), &as_stated);
         // Causes are sought in residuals of equal variance, whatever was stated.
         let (noise, _) = groups::noise(&stated, &grams)?;
-        let factors = if noise.is_empty() { ones.clone() } else { each(&stated, &grams)? };
+        let factors = if noise.is_none() { ones.clone() } else { each(&stated, &grams)? };
         let mut search = Search::new(found, &stated, samples, &factors)?;
         search.run(found, samples)?;
         // Then the noise, beside what was found.
@@ -47,10 +47,12 @@ impl Analysis {
         let (mut noise, mut factors) = groups::noise(&remainder, &grams)?;
         if search.causes.iter().any(|cause| matches!(cause, Cause::Model(_))) {
             // What a pattern leaves of errors that the model does not have is no noise.
-            noise.retain(|finding| finding.factor < 1.0);
+            if let Some(finding) = &mut noise {
+                finding.parts.retain(|part| part.factor < 1.0);
+            }
         }
         let mut causes = search.causes;
-        causes.extend(noise.into_iter().map(Cause::Noise));
+        causes.extend(noise.filter(|finding| !finding.parts.is_empty()).map(Cause::Noise));
         // Postures are judged by marginal residuals: those of readings in their order are not independent.
         let mut judged = stated;
         for columns in &search.columns {

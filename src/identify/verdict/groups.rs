@@ -40,47 +40,73 @@ pub struct GroupTest {
     pub degrees_of_freedom: f64,
 }
 
-/// A group whose noise is not what was stated.
+/// Noise of one group of readings.
 #[derive(Clone, Debug, PartialEq)]
-pub struct NoiseFinding {
-    /// What it is called.
+pub struct NoisePart {
+    /// What the group is called.
     pub name: String,
-    /// Standard deviation of its noise, in stated ones.
+    /// Its residuals in units of what the stated noise makes them, by the estimate as it is.
+    pub ratio: f64,
+    /// Standard deviation of its noise that the data support, in stated ones.
     pub factor: f64,
     /// Standard error of the factor.
     pub error: f64,
-    /// What the other readings are called and the factor of their noise, where there are others.
+}
+
+/// Groups whose noise is not what was stated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseFinding {
+    /// The groups, the one with the most evidence first.
+    pub parts: Vec<NoisePart>,
+    /// What the other readings are called and how they scatter in stated standard deviations, where there are others.
     pub others: Option<(String, f64)>,
     /// Log likelihood that it gains.
     pub gain: f64,
 }
 
 impl NoiseFinding {
+    /// Whether it is the noise of all readings.
+    pub fn is_of_all(&self) -> bool {
+        self.others.is_none() && self.parts.len() == 1
+    }
+
     /// What was found, without a full stop.
     pub fn sentence(&self) -> String {
-        let shown = |v: f64| if v < 1e-3 { "less than 0.001".to_owned() } else { number(v) };
-        let verb = if self.name == "the noise" { "is" } else { "are" };
-        let what = match (&self.others, self.name.as_str()) {
-            (None, _) => {
-                let word = if self.factor < 1.0 { "overstated" } else { "understated" };
-                let size = shown(self.factor);
-                return format!("noise {word}: the residual is {size} times what the stated noise makes it");
-            }
-            (Some((others, factor)), name) => {
-                format!(
-                    "{name} {verb} {} of the stated noise, {others} {}",
-                    shown(self.factor),
-                    shown(*factor)
-                )
-            }
+        let word = match () {
+            () if self.parts.iter().all(|part| part.factor < 1.0) => "overstated",
+            () if self.parts.iter().all(|part| part.factor >= 1.0) => "understated",
+            () => "not as stated",
         };
-        let word = if self.factor < 1.0 { "overstated" } else { "understated" };
-        format!("{what}: their noise is {word} (factor {} +- {})", shown(self.factor), number(self.error))
+        if let (true, Some(part)) = (self.is_of_all(), self.parts.first()) {
+            let ratio = match part.ratio {
+                ratio if ratio < 1e-3 => "less than 0.001".to_owned(),
+                ratio => format!("{ratio:.3}"),
+            };
+            return format!("the residual is {ratio} times what the stated noise makes it: noise {word}");
+        }
+        let mut seen: Vec<String> =
+            self.parts.iter().map(|part| format!("{} are {}", part.name, number(part.ratio))).collect();
+        if let Some(first) = seen.first_mut() {
+            first.push_str(" of the stated noise");
+        }
+        seen.extend(self.others.iter().map(|(name, factor)| format!("{name} {}", number(*factor))));
+        let supported: Vec<String> = self
+            .parts
+            .iter()
+            .map(|part| {
+                let of = if self.parts.len() > 1 { format!(" for {}", part.name) } else { String::new() };
+                format!("{} +- {} of what is stated{of}", number(part.factor), number(part.error))
+            })
+            .collect();
+        format!("{}: noise {word}; the data support {}", seen.join(", "), supported.join(", "))
     }
 }
 
+/// Two digits.
 fn number(v: f64) -> String {
-    // Two digits.
+    if v < 1e-6 {
+        return format!("{v:.1e}");
+    }
     let places = (1.0 - v.abs().log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{v:.places$}")
 }
@@ -169,11 +195,12 @@ pub(super) fn tests(groups: &[Group], at: &Solution) -> Vec<GroupTest> {
 /// Which groups contradict the stated noise, by how much, and the variance of each cell that follows. Group after
 /// group the one that restricted likelihood (Patterson & Thompson, *Biometrika* 58, 1971) prefers is given a factor, until
 /// none is left that contradicts what they have.
-pub(super) fn noise(linear: &Linear, grams: &Grams) -> Option<(Vec<NoiseFinding>, Vec<f64>)> {
+pub(super) fn noise(linear: &Linear, grams: &Grams) -> Option<(Option<NoiseFinding>, Vec<f64>)> {
     let all = groups(&linear.cells);
     let mut factors = vec![1.0; linear.cells.len()];
-    let mut here = linear.solve(grams, &factors)?;
-    let mut chosen: Vec<(usize, f64)> = Vec::new();
+    let stated = linear.solve(grams, &factors)?;
+    let mut here = stated.clone();
+    let mut chosen: Vec<usize> = Vec::new();
     while chosen.len() < MOST {
         let tested = tests(&all, &here);
         let level = FALSE_ALARM / all.len() as f64;
@@ -194,11 +221,13 @@ pub(super) fn noise(linear: &Linear, grams: &Grams) -> Option<(Vec<NoiseFinding>
         if at.objective > here.objective {
             break;
         }
-        chosen.push((k, 0.5 * (here.objective - at.objective)));
+        chosen.push(k);
         (factors, here) = (found, at);
     }
-    let named = |&(k, gain): &(usize, f64)| finding(&all, k, gain, &chosen, &factors, &here);
-    Some((chosen.iter().filter_map(named).collect(), factors))
+    if chosen.is_empty() {
+        return Some((None, factors));
+    }
+    Some((Some(finding(&all, &chosen, &factors, (&stated, &here))), factors))
 }
 
 impl GroupTest {
@@ -236,40 +265,37 @@ fn fitted(linear: &Linear, grams: &Grams, from: &[f64], group: &Group) -> Option
     Some((factors, at))
 }
 
-/// Group `k` in words: the factor of those of its cells that no later group has.
+/// The groups in words: of each the factor of those of its cells that no later group has.
 fn finding(
     all: &[Group],
-    k: usize,
-    gain: f64,
-    chosen: &[(usize, f64)],
+    chosen: &[usize],
     factors: &[f64],
-    at: &Solution,
-) -> Option<NoiseFinding> {
-    let later = chosen.iter().skip_while(|(other, _)| *other != k).skip(1);
-    let taken: Vec<usize> = later.flat_map(|(other, _)| all[*other].cells.iter().copied()).collect();
-    let own: Vec<usize> = all[k].cells.iter().copied().filter(|i| !taken.contains(i)).collect();
-    let mean = |cells: &[usize]| {
-        let freedom: f64 = cells.iter().map(|&i| at.freedom[i]).sum();
-        let weighted: f64 = cells.iter().map(|&i| at.freedom[i] * factors[i]).sum();
-        (freedom > 0.0).then(|| (weighted / freedom).sqrt())
-    };
-    let factor = mean(&own)?;
-    let freedom: f64 = own.iter().map(|&i| at.freedom[i]).sum();
-    let rest: Vec<usize> = (0..factors.len()).filter(|i| !own.contains(i)).collect();
+    (stated, at): (&Solution, &Solution),
+) -> NoiseFinding {
     let name_of = |cells: &[usize], otherwise: &str| {
         all.iter().find(|group| group.cells == cells).map_or(otherwise.to_owned(), |group| group.name.clone())
     };
-    // What the others show by themselves, not what they are taken for.
-    let shown = |cells: &[usize]| {
-        let freedom: f64 = cells.iter().map(|&i| at.freedom[i]).sum();
-        let square: f64 = cells.iter().map(|&i| at.square[i] * factors[i]).sum();
-        (freedom >= FEW).then(|| (square / freedom).sqrt())
-    };
-    Some(NoiseFinding {
-        name: name_of(&own, &all[k].name),
-        factor,
-        error: factor / (2.0 * freedom.max(1.0)).sqrt(),
-        others: shown(&rest).map(|factor| (name_of(&rest, "the other readings"), factor)),
-        gain,
-    })
+    let sum = |cells: &[usize], of: &dyn Fn(usize) -> f64| cells.iter().map(|&i| of(i)).sum::<f64>();
+    let mut parts = Vec::new();
+    let mut taken: Vec<usize> = Vec::new();
+    for (place, &k) in chosen.iter().enumerate() {
+        let later = chosen[place + 1..].iter().flat_map(|&other| all[other].cells.iter());
+        let later: Vec<usize> = later.copied().collect();
+        let own: Vec<usize> = all[k].cells.iter().copied().filter(|i| !later.contains(i)).collect();
+        let freedom = sum(&own, &|i| at.freedom[i]).max(1e-9);
+        let factor = (sum(&own, &|i| at.freedom[i] * factors[i]) / freedom).sqrt();
+        let ratio = (sum(&own, &|i| stated.square[i]) / sum(&own, &|i| stated.freedom[i]).max(1e-9)).sqrt();
+        if !own.is_empty() {
+            let error = factor / (2.0 * freedom.max(1.0)).sqrt();
+            parts.push(NoisePart { name: name_of(&own, &all[k].name), ratio, factor, error });
+        }
+        taken.extend(&all[k].cells);
+    }
+    let rest: Vec<usize> = (0..factors.len()).filter(|i| !taken.contains(i)).collect();
+    let freedom = sum(&rest, &|i| at.freedom[i]);
+    let others = (freedom >= FEW).then(|| {
+        let scatter = (sum(&rest, &|i| at.square[i] * factors[i]) / freedom).sqrt();
+        (name_of(&rest, "the other readings"), scatter)
+    });
+    NoiseFinding { parts, others, gain: 0.5 * (stated.objective - at.objective) }
 }

@@ -44,6 +44,7 @@ pub(super) struct Linear {
 pub(super) struct Grams(pub Vec<(Mat<f64>, usize)>);
 
 /// The estimate under some noise.
+#[derive(Clone)]
 pub(super) struct Solution {
     /// `A^-1`, `A = J' D J + W` with `D` the inverse variances.
     pub inverse: Mat<f64>,

@@ -15,7 +15,7 @@ mod readings;
 
 pub use cells::{Axis, Cell, Quantity};
 pub use chi_square::{ChiSquareTest, Size};
-pub use groups::{GroupTest, NoiseFinding};
+pub use groups::{GroupTest, NoiseFinding, NoisePart};
 pub use holdout::HoldoutTest;
 pub use model::ModelFinding;
 pub use order::{DriftFinding, OrderFinding};
@@ -193,7 +193,9 @@ impl Judgement {
         for outlier in
             open.filter_map(|&k| of.found.outliers.iter().find(|o| o.samples.contains(&samples[k].name)))
         {
-            self.outliers.push(NamedOutlier { outlier: outlier.clone(), cause: RowCause::Unknown });
+            if !self.outliers.iter().any(|named| named.outlier.name == outlier.name) {
+                self.outliers.push(NamedOutlier { outlier: outlier.clone(), cause: RowCause::Unknown });
+            }
         }
         self.groups = analysis.groups;
         self.causes = analysis.causes;
@@ -232,7 +234,7 @@ impl Judgement {
             return self.total.map(|total| total.sentence());
         }
         let causes = causes.join("; ");
-        let whole = matches!(self.causes.first(), Some(Cause::Noise(noise)) if noise.others.is_none());
+        let whole = matches!(self.causes.first(), Some(Cause::Noise(noise)) if noise.is_of_all());
         Some(match (self.total, size) {
             (Some(total), Some(Size::Large | Size::Small)) if !whole => {
                 format!("the residual is {:.3} times what the stated noise makes it: {causes}", total.ratio())
@@ -252,8 +254,8 @@ impl ChiSquareTest {
         match self.size() {
             Size::Explained => "the stated noise explains the residual".into(),
             Size::Doubtful => format!(
-                "doubtful: the stated noise alone makes the residual as large in {} of cases",
-                format_args!("{:.2} %", 100.0 * self.probability)
+                "doubtful: the stated noise makes the residual as large in {} % of cases",
+                percent(100.0 * self.probability)
             ),
             Size::Large => format!(
                 "the residual is {ratio} times what the stated noise makes it: noise understated, or errors that the \
@@ -265,6 +267,11 @@ impl ChiSquareTest {
             ),
         }
     }
+}
+
+/// A share in percent, with two digits.
+fn percent(share: f64) -> String {
+    if share < 1.0 { format!("{share:.2}") } else { format!("{share:.1}") }
 }
 
 impl Cause {

@@ -42,7 +42,9 @@ impl ModelFinding {
         let missing = "the machine has errors that the model does not have";
         match (&self.joint, self.scale, self.correlation) {
             (Some(joint), Some(scale), _) => {
-                format!("errors follow the reading of {joint} as a scale of {scale:.6} would: {missing}")
+                format!(
+                    "errors follow the reading of {joint} as if it moved {scale:.6} times as far as it reads: {missing}"
+                )
             }
             (Some(joint), None, _) => format!(
                 "errors follow the reading of {joint}, as of a bent, eccentric or badly scaled joint: {missing}"

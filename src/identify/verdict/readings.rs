@@ -14,6 +14,8 @@ const GONE: f64 = 0.99;
 const STEPS: usize = 30;
 /// Step of difference quotients, rad or machine sizes.
 const DIFFERENCE: f64 = 1e-6;
+/// Changes of a reading that are tried at first, rad or machine sizes.
+const AWAY: [f64; 6] = [0.02, 0.05, 0.1, 0.2, 0.4, 0.8];
 /// Longest step, rad or machine sizes.
 const LONGEST: f64 = 0.3;
 
@@ -40,9 +42,8 @@ pub enum RowCause {
 /// What explains the residual of a sample by a machine that the others give.
 pub(super) fn cause(mechanism: &Mechanism, geometry: &Geometry, sample: &Sample) -> RowCause {
     let trial = Trial { mechanism, geometry, sample };
-    let Some(r) = trial.residual(&sample.actuators) else { return RowCause::Unknown };
-    let (rows, count) = (r.len(), sample.actuators.len());
-    let square = r.norm_squared();
+    let (rows, count) = (sample.measurement.rows(), sample.actuators.len());
+    let square = trial.residual(&sample.actuators).map_or(f64::INFINITY, |r| r.norm_squared());
     let explains = |left: f64, unknowns: usize| {
         let law = ChiSquared::new(rows.saturating_sub(unknowns) as f64);
         rows > unknowns && left < (1.0 - GONE) * square && law.is_ok_and(|law| law.sf(left) > EXPLAINS)
@@ -97,14 +98,29 @@ impl Trial<'_> {
         r.iter().all(|v| v.is_finite()).then_some(r)
     }
 
+    /// Where to begin: the readings as they are, or one of them changed by a part of a turn or of the machine's size.
+    fn start(&self, which: &[usize], unit: &[f64]) -> Option<(Vec<f64>, DVector<f64>)> {
+        let as_read = self.sample.actuators.clone();
+        let mut tried = vec![as_read.clone()];
+        if let &[only] = which {
+            for part in AWAY.iter().flat_map(|part| [*part, -part]) {
+                let mut moved = as_read.clone();
+                moved[only] += part * unit[only];
+                tried.push(moved);
+            }
+        }
+        let found = tried.into_iter().filter_map(|at| Some((self.residual(&at)?, at)));
+        let (r, at) = found.min_by(|a, b| a.0.norm_squared().total_cmp(&b.0.norm_squared()))?;
+        Some((at, r))
+    }
+
     /// Least sum of squares over the readings `which`, and where (Gauss-Newton, steps halved until they gain).
     fn best(&self, which: &[usize]) -> Option<(f64, Vec<f64>)> {
         let length = self.mechanism.characteristic_length();
         let joints = self.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
         let unit: Vec<f64> =
             joints.map(|joint| if joint.motion.is_angular() { 1.0 } else { length }).collect();
-        let mut at = self.sample.actuators.clone();
-        let mut r = self.residual(&at)?;
+        let (mut at, mut r) = self.start(which, &unit)?;
         for _ in 0..STEPS {
             let mut jac = DMatrix::zeros(r.len(), which.len());
             for (c, &i) in which.iter().enumerate() {
