@@ -2,7 +2,7 @@
 
 use super::Cause;
 use super::groups::{self, GroupTest};
-use super::linear::{Grams, Linear, Residual};
+use super::linear::{Grams, Linear, Residual, Solution};
 use super::model::{self, JointPattern};
 use super::order;
 use super::postures::outlying;
@@ -37,32 +37,38 @@ impl Analysis {
         let as_stated = stated.solve(&grams, &ones)?;
         let groups = groups::tests(&groups::groups(&stated.cells), &as_stated);
         // Causes are sought in residuals of equal variance, whatever was stated.
-        let (noise, _) = groups::noise(&stated, &grams)?;
-        let factors = if noise.is_none() { ones.clone() } else { each(&stated, &grams)? };
-        let mut search = Search::new(found, &stated, samples, &factors)?;
+        let (mut noise, mut factors) = groups::noise(&stated, &grams, &as_stated);
+        let equal = if noise.is_none() { None } else { Some(each(&stated, &grams)?) };
+        let mut search = Search::new(found, &stated, samples, equal, &as_stated)?;
         search.run(found, samples)?;
         // Then the noise, beside what was found.
-        let remainder = search.remainder(&stated)?;
-        let grams = remainder.grams();
-        let (mut noise, mut factors) = groups::noise(&remainder, &grams)?;
-        if search.causes.iter().any(|cause| matches!(cause, Cause::Model(_))) {
-            // What a pattern leaves of errors that the model does not have is no noise.
-            if let Some(finding) = &mut noise {
-                finding.parts.retain(|part| part.factor < 1.0);
-            }
+        let remainder = search.remainder(&stated);
+        if let Some(remainder) = remainder {
+            let grams = remainder.grams();
+            let solution = remainder.solve(&grams, &ones)?;
+            (noise, factors) = groups::noise(&remainder, &grams, &solution);
         }
+        if search.causes.iter().any(|cause| matches!(cause, Cause::Model(_)))
+            && let Some(finding) = &mut noise
+        {
+            // What a pattern leaves of errors that the model does not have is no noise.
+            finding.parts.retain(|part| part.factor < 1.0);
+        }
+        let changed = noise.is_some() || !search.columns.is_empty();
         let mut causes = search.causes;
         causes.extend(noise.filter(|finding| !finding.parts.is_empty()).map(Cause::Noise));
         // Postures are judged by marginal residuals: those of readings in their order are not independent.
         let mut judged = stated;
-        for columns in &search.columns {
-            judged = judged.extended(columns);
+        let mut solution = as_stated;
+        if changed {
+            for columns in &search.columns {
+                judged = judged.extended(columns);
+            }
+            let mut rows = judged.rows();
+            judged.normalise(&factors, &mut rows);
+            judged.set_rows(&rows);
+            solution = judged.solve(&judged.grams(), &ones)?;
         }
-        factors.truncate(judged.cells.len());
-        let mut rows = judged.rows();
-        judged.normalise(&factors, &mut rows);
-        judged.set_rows(&rows);
-        let solution = judged.solve(&judged.grams(), &ones)?;
         let outliers = outlying(&judged, &solution, samples);
         Some(Self { groups, causes, outliers, closing: judged.closing })
     }
@@ -104,16 +110,27 @@ struct Search {
     /// Correlation that was found.
     correlation: Option<f64>,
     factors: Vec<f64>,
+    /// Of the present rows, where it is known.
+    present: Option<Residual>,
 }
 
 impl Search {
-    fn new(found: &Identification, stated: &Linear, samples: &[Sample], factors: &[f64]) -> Option<Self> {
+    fn new(
+        found: &Identification,
+        stated: &Linear,
+        samples: &[Sample],
+        equal: Option<Vec<f64>>,
+        as_stated: &Solution,
+    ) -> Option<Self> {
         let mut patterns = model::joint_patterns(found, stated, samples)?;
         let mut linear = stated.clone();
-        let mut rows = linear.rows();
-        stated.normalise(factors, &mut rows);
-        linear.set_rows(&rows);
-        patterns.iter_mut().for_each(|p| stated.normalise(factors, &mut p.pattern.columns));
+        let present = equal.is_none().then(|| Residual::of(stated, as_stated));
+        if let Some(factors) = &equal {
+            let mut rows = linear.rows();
+            stated.normalise(factors, &mut rows);
+            linear.set_rows(&rows);
+            patterns.iter_mut().for_each(|p| stated.normalise(factors, &mut p.pattern.columns));
+        }
         let before = order::predecessors(stated);
         Some(Self {
             linear,
@@ -122,11 +139,15 @@ impl Search {
             causes: Vec::new(),
             columns: Vec::new(),
             correlation: None,
-            factors: factors.to_vec(),
+            factors: equal.unwrap_or_else(|| vec![1.0; stated.cells.len()]),
+            present,
         })
     }
 
-    fn residual(&self) -> Option<Residual> {
+    fn residual(&mut self) -> Option<Residual> {
+        if let Some(present) = self.present.take() {
+            return Some(present);
+        }
         let ones = vec![1.0; self.linear.cells.len()];
         let solution = self.linear.solve(&self.linear.grams(), &ones)?;
         Some(Residual::of(&self.linear, &solution))
@@ -179,7 +200,10 @@ impl Search {
                     self.patterns.remove(k);
                     self.causes.push(Cause::Model(finding));
                 }
-                _ => break,
+                _ => {
+                    self.present = Some(residual);
+                    break;
+                }
             }
         }
         let residual = self.residual()?;
@@ -202,16 +226,17 @@ impl Search {
         self.columns.push(columns);
     }
 
-    /// The model as stated with what was found accounted for.
+    /// The model as stated with what was found accounted for; `None` where that is the model as it was.
     fn remainder(&mut self, stated: &Linear) -> Option<Linear> {
+        if self.columns.is_empty() && self.correlation.is_none() {
+            return None;
+        }
         let mut out = self.linear.clone();
         let back: Vec<f64> = self.factors.iter().map(|factor| 1.0 / factor).collect();
         let mut rows = out.rows();
         out.normalise(&back, &mut rows);
         out.set_rows(&rows);
-        for columns in &mut self.columns {
-            stated.normalise(&back, columns);
-        }
+        self.columns.iter_mut().for_each(|columns| stated.normalise(&back, columns));
         Some(out)
     }
 }

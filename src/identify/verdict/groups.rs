@@ -192,13 +192,12 @@ pub(super) fn tests(groups: &[Group], at: &Solution) -> Vec<GroupTest> {
     groups.iter().map(test).collect()
 }
 
-/// Which groups contradict the stated noise, by how much, and the variance of each cell that follows. Group after
+/// Which groups contradict the stated noise, under which the estimate is `stated`, by how much, and the variance of each cell that follows. Group after
 /// group the one that restricted likelihood (Patterson & Thompson, *Biometrika* 58, 1971) prefers is given a factor, until
 /// none is left that contradicts what they have.
-pub(super) fn noise(linear: &Linear, grams: &Grams) -> Option<(Option<NoiseFinding>, Vec<f64>)> {
+pub(super) fn noise(linear: &Linear, grams: &Grams, stated: &Solution) -> (Option<NoiseFinding>, Vec<f64>) {
     let all = groups(&linear.cells);
     let mut factors = vec![1.0; linear.cells.len()];
-    let stated = linear.solve(grams, &factors)?;
     let mut here = stated.clone();
     let mut chosen: Vec<usize> = Vec::new();
     while chosen.len() < MOST {
@@ -225,9 +224,9 @@ pub(super) fn noise(linear: &Linear, grams: &Grams) -> Option<(Option<NoiseFindi
         (factors, here) = (found, at);
     }
     if chosen.is_empty() {
-        return Some((None, factors));
+        return (None, factors);
     }
-    Some((Some(finding(&all, &chosen, &factors, (&stated, &here))), factors))
+    (Some(finding(&all, &chosen, &factors, (stated, &here))), factors)
 }
 
 impl GroupTest {

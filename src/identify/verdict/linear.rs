@@ -34,6 +34,8 @@ pub(super) struct Linear {
     pub active: Vec<bool>,
     /// W, n x n.
     pub prior: Mat<f64>,
+    /// W - W W.
+    weak: Mat<f64>,
     /// x, n.
     pub at: Vec<f64>,
     /// Rows that were turned to the principal axes of their noise.
@@ -96,6 +98,7 @@ impl Linear {
             cells: Vec::new(),
             spans,
             active: members.iter().map(|of| of.iter().all(|&k| active[k])).collect(),
+            weak: &prior - &prior * &prior,
             prior,
             at: x,
             closing,
@@ -208,8 +211,7 @@ impl Linear {
         let inverse = llt.inverse();
         let step = llt.solve(&Mat::from_fn(n, 1, |i, _| -gradient[i]));
         let step: Vec<f64> = step.col(0).iter().copied().collect();
-        let weak = &a + &self.prior - &self.prior * &self.prior;
-        let middle = &inverse * weak * &inverse;
+        let middle = &inverse * (&a + &self.weak) * &inverse;
         let (mut square, mut freedom) = (Vec::new(), Vec::new());
         for ((gram, count), factor) in grams.0.iter().zip(factors) {
             let (mut q, mut taken) = (gram[(n, n)], 0.0);
@@ -247,10 +249,12 @@ impl Linear {
                     if j < n { self.jac[(i, j)] } else { columns[(i, j - n)] }
                 },
             );
-        let prior = Mat::from_fn(n + p, n + p, |i, j| if i < n && j < n { self.prior[(i, j)] } else { 0.0 });
+        let padded =
+            |of: &Mat<f64>| Mat::from_fn(n + p, n + p, |i, j| if i < n && j < n { of[(i, j)] } else { 0.0 });
+        let (prior, weak) = (padded(&self.prior), padded(&self.weak));
         let mut at = self.at.clone();
         at.resize(n + p, 0.0);
-        Self { jac, prior, at, ..self.clone() }
+        Self { jac, prior, weak, at, ..self.clone() }
     }
 }
 
