@@ -32,7 +32,12 @@ fn sets(problem: &ProblemFile) -> Vec<usize> {
     each.flat_map(|(set, data)| vec![set; data.samples.len()]).collect()
 }
 
-fn judged(problem: &ProblemFile, samples: &[Sample], sets: &[usize]) -> (Identification, Judgement) {
+fn judged(
+    problem: &ProblemFile,
+    samples: &[Sample],
+    sets: &[usize],
+    holdout: &[Sample],
+) -> (Identification, Judgement) {
     let minimal = registry::find("minimal").unwrap();
     let stop = Stop::default();
     let found = identify(&problem.mechanism, samples, minimal.as_ref(), &stop).unwrap();
@@ -40,7 +45,7 @@ fn judged(problem: &ProblemFile, samples: &[Sample], sets: &[usize]) -> (Identif
         found: &found,
         samples,
         sets,
-        holdout: &problem.holdout.samples,
+        holdout,
         stated: true,
         identifier: minimal.as_ref(),
         stop: &stop,
@@ -51,7 +56,7 @@ fn judged(problem: &ProblemFile, samples: &[Sample], sets: &[usize]) -> (Identif
 
 fn verdict(name: &str) -> Judgement {
     let drawn = case(name);
-    judged(&drawn, &drawn.data.samples, &sets(&drawn)).1
+    judged(&drawn, &drawn.data.samples, &sets(&drawn), &drawn.holdout.samples).1
 }
 
 #[test]
@@ -320,7 +325,7 @@ fn trial(drawn: &ProblemFile, what: Planted, seed: u64) -> Trial {
     let minimal = registry::find("minimal").unwrap();
     let stop = Stop::default();
     let best = identify(&drawn.mechanism, &clean, minimal.as_ref(), &stop).unwrap();
-    let (found, judgement) = judged(drawn, &samples, &sets);
+    let (found, judgement) = judged(drawn, &samples, &sets, &exact);
     let costs = error(&found, &exact) / error(&best, &exact);
     let first = judgement.causes.first();
     let kind = first.map_or("none", Cause::kind);

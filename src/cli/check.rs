@@ -1,6 +1,7 @@
 //! `gough check`: whether a problem means what it should.
 
 use super::check_misfit::{misfit, others};
+use super::check_noise::stated_noise;
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
@@ -55,7 +56,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             let poses =
                 !data.is_empty() && (noise(&problem, &data, &mut text) | misfit(&problem, &data, &mut text));
             let others = others(&problem, &data, &mut text);
-            poses | others
+            // Mistakes of the drawing spoil what an identification would say.
+            poses | others || stated_noise(&problem, &mut text)
         });
     }
     if !suspicious {

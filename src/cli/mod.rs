@@ -5,6 +5,7 @@ pub mod analyze;
 mod at;
 pub mod check;
 mod check_misfit;
+mod check_noise;
 pub mod command;
 pub mod compare;
 mod details;
