@@ -5,7 +5,7 @@ use super::groups::{self, GroupTest};
 use super::linear::{Grams, Linear, Residual, Solution};
 use super::model::{self, JointPattern};
 use super::order;
-use super::postures::outlying;
+use super::postures::{named, outlying, to_blame};
 use crate::calibration::Sample;
 use crate::identify::outliers::Outlier;
 use crate::identify::run::Identification;
@@ -69,7 +69,13 @@ impl Analysis {
             judged.set_rows(&rows);
             solution = judged.solve(&judged.grams(), &ones)?;
         }
-        let outliers = outlying(&judged, &solution, samples);
+        let count = judged.spans.len();
+        let outliers = outlying(&judged, &solution, samples).into_iter().map(|(members, outlier)| {
+            let blamed = to_blame(found, samples, &members, count);
+            let outlier = named(&outlier, samples, &blamed);
+            (blamed, outlier)
+        });
+        let outliers = outliers.collect();
         Some(Self { groups, causes, outliers, closing: judged.closing })
     }
 

@@ -106,12 +106,14 @@ pub fn judge(of: &Judged<'_>) -> Judgement {
 
 /// A posture that stands out of an estimate as it is.
 fn as_found(found: &Identification, samples: &[Sample], outlier: &Outlier) -> NamedOutlier {
-    let own: Vec<&Sample> = samples.iter().filter(|s| outlier.samples.contains(&s.name)).collect();
-    let cause = match own.as_slice() {
-        &[only] => readings::cause(&found.start, &found.geometry, only),
+    let members: Vec<usize> =
+        (0..samples.len()).filter(|&i| outlier.samples.contains(&samples[i].name)).collect();
+    let blamed = postures::to_blame(found, samples, &members, samples.len());
+    let cause = match blamed.as_slice() {
+        &[only] => readings::cause(&found.start, &found.geometry, &samples[only]),
         _ => RowCause::Unknown,
     };
-    NamedOutlier { outlier: outlier.clone(), cause }
+    NamedOutlier { outlier: postures::named(outlier, samples, &blamed), cause }
 }
 
 impl Judgement {

@@ -4,6 +4,8 @@ use super::linear::{Linear, Solution};
 use crate::calibration::Sample;
 use crate::calibration::postures::posture_name;
 use crate::identify::outliers::{FALSE_ALARM, Outlier};
+use crate::identify::run::Identification;
+use crate::identify::score::score;
 use faer::Mat;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -38,6 +40,33 @@ pub(super) fn outlying(
     }
     out.sort_by(|a, b| b.1.weighted_rms.total_cmp(&a.1.weighted_rms));
     out
+}
+
+/// Those samples of a posture that stands out which noise does not explain by themselves, where it explains the others:
+/// readings that were not renewed join what does not belong together. Else all.
+pub(super) fn to_blame(
+    found: &Identification,
+    samples: &[Sample],
+    members: &[usize],
+    count: usize,
+) -> Vec<usize> {
+    let level = FALSE_ALARM / count.max(1) as f64;
+    let fails = |i: &usize| {
+        let one = score(&found.start, &found.geometry, std::slice::from_ref(&samples[*i]));
+        one.is_none_or(|fit| {
+            let rows = samples[*i].measurement.rows() as f64;
+            ChiSquared::new(rows).is_ok_and(|law| law.sf(fit.weighted_rms.powi(2) * rows) <= level)
+        })
+    };
+    let blamed: Vec<usize> = members.iter().copied().filter(|i| fails(i)).collect();
+    if blamed.is_empty() { members.to_vec() } else { blamed }
+}
+
+/// The same posture, of which only these samples are named.
+pub(super) fn named(outlier: &Outlier, samples: &[Sample], members: &[usize]) -> Outlier {
+    let names: Vec<&str> = members.iter().map(|&i| samples[i].name.as_str()).collect();
+    let samples = names.iter().map(|name| (*name).to_owned()).collect();
+    Outlier { name: posture_name(&names), samples, ..outlier.clone() }
 }
 
 /// Chi-square of one posture, its degrees of freedom, and the root mean square residual.
