@@ -9,7 +9,8 @@ use super::wording::not_reached;
 use crate::files::{
     CommandedPose, Model, Output, PosesFormat, commands_text, read_model, read_wanted, readings,
 };
-use crate::model::command::{command, outside_range};
+use crate::model::Mechanism;
+use crate::model::command::{beyond_range, command};
 use crate::model::mobility;
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -62,9 +63,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     for (wanted, found) in wanted.iter().zip(found) {
         match found {
             Ok(found) => {
-                let names = mechanism.actuator_names();
-                let beyond = outside_range(mechanism, &found.actuators);
-                let beyond: Vec<&str> = beyond.into_iter().map(|i| names[i].as_str()).collect();
+                let beyond = beyond(mechanism, &found.actuators, &model);
                 if !beyond.is_empty() {
                     outside.push(format!("{} ({})", wanted.name, beyond.join(", ")));
                 }
@@ -96,7 +95,10 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         )));
     }
     if !outside.is_empty() {
-        let message = format!("readings leave the drawn range at {}", shortened(&outside, ", "));
+        let message = format!(
+            "readings leave the drawn range at {}: none within it were found, these come nearest",
+            shortened(&outside, ", ")
+        );
         if !args.beyond_range {
             return Err(CliError::Usage(format!(
                 "{file}: {message}; --beyond-range writes them all the same"
@@ -113,6 +115,21 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         eprint!("{}", residuals(&model, followed, &names, &commands));
     }
     Ok(Ending::Done)
+}
+
+/// Actuators outside their ranges, and by how much, such as `limb1.leg 3.2 mm above`.
+fn beyond(mechanism: &Mechanism, actuators: &[f64], model: &Model) -> Vec<String> {
+    let (names, units) = (mechanism.actuator_names(), model.units);
+    let joints: Vec<_> =
+        mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated).collect();
+    let shown = |(i, by): (usize, f64)| {
+        let (size, unit) = match joints[i].motion.is_angular() {
+            true => (units.from_radians(by.abs()), units.angle_symbol()),
+            false => (units.from_metres(by.abs()), units.length_symbol()),
+        };
+        format!("{} {} {unit} {}", names[i], digits(size), if by > 0.0 { "above" } else { "below" })
+    };
+    beyond_range(mechanism, actuators).into_iter().map(shown).collect()
 }
 
 fn followed(free: &[String]) -> Result<[bool; 6], CliError> {

@@ -5,10 +5,11 @@ use super::details::digits;
 use super::dispatch::Ending;
 use super::error::CliError;
 use super::progress::with_spinner;
-use super::wording::unfit;
+use super::wording::{share_reached, unfit};
 use crate::design::candidates::MOST;
 use crate::design::{
-    Candidates, Criterion, DesignError, Expected, Information, Instrument, Plan, Settings, Unfit, plan,
+    Candidates, Criterion, DesignError, Expected, Instrument, Plan, ReachedPlan, RealMachines, Request,
+    Settings, Unfit, reached_plan,
 };
 use crate::files::{
     DataPlaces, DataSet, Kind, Model, Output, ProblemFile, SampleDrawing, Units, planned_text,
@@ -109,23 +110,29 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     };
     // Two postures are compared: there must be two.
     let least = if set.kind == Kind::Separation { 2 } else { 1 };
-    let (candidates, workspace, left_out, plan) = with_spinner(message, || {
+    let (workspace, found) = with_spinner(message, || {
         let candidates = led(candidates(args, &model)?);
         candidates.require(poses.max(least), &told).map_err(design)?;
         let workspace = led(workspace(args, &model)?);
         workspace.require(least, &told).map_err(design)?;
-        let measured: &[_] = if args.add_to_measured { &problem.data.samples } else { &[] };
-        let info = Information::new(mechanism, &instrument, &candidates.fit, measured, &workspace.fit, poses)
-            .map_err(design)?;
-        let settings = Settings { poses, criterion, starts: args.starts.into(), seed: args.seed };
-        let plan = plan(mechanism, &candidates.fit, &info, &settings).map_err(design)?;
-        Ok::<_, CliError>((candidates, workspace, info.left_out, plan))
+        let request = Request {
+            mechanism,
+            instrument: &instrument,
+            measured: if args.add_to_measured { &problem.data.samples } else { &[] },
+            workspace: &workspace.fit,
+            settings: Settings { poses, criterion, starts: args.starts.into(), seed: args.seed },
+            group: if contact { set.blanks.len() } else { 1 },
+        };
+        let real = RealMachines::drawn(mechanism);
+        let found = reached_plan(&request, &real, candidates, &told).map_err(design)?;
+        Ok::<_, CliError>((workspace, found))
     })?;
-    let text = written(mechanism, &problem, set, &instrument, &candidates, &plan)
+    let ReachedPlan { candidates, plan, left_out, .. } = &found;
+    let text = written(mechanism, &problem, set, &instrument, candidates, plan)
         .map_err(|why| CliError::Usage(format!("the plan cannot be written: {why}")))?;
     output.write(&text)?;
     let added = args.add_to_measured.then(|| problem.data.samples.len() - left_out.len());
-    let told = summary(args, &problem, criterion, (candidates.fit.len(), workspace.fit.len(), added), &plan);
+    let told = summary(args, &problem, criterion, (workspace.fit.len(), added), &found);
     match output {
         Output::Stdout => eprint!("{told}"),
         Output::File(_) => Output::Stdout.write(told.as_bytes())?,
@@ -137,7 +144,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             left_out.join(", ")
         );
     }
-    warn("candidates", args.candidates.as_deref(), &candidates, problem.units);
+    warn("candidates", args.candidates.as_deref(), candidates, problem.units);
     warn("postures of the workspace", args.workspace.as_deref(), &workspace, problem.units);
     if let Some(wanted) = args.random.filter(|wanted| candidates.fit.len() < *wanted as usize) {
         eprintln!(
@@ -275,9 +282,10 @@ fn summary(
     args: &Args,
     problem: &ProblemFile,
     criterion: Criterion,
-    (candidates, workspace, added): (usize, usize, Option<usize>),
-    plan: &Plan,
+    (workspace, added): (usize, Option<usize>),
+    ReachedPlan { candidates, plan, reached, .. }: &ReachedPlan,
 ) -> String {
+    let candidates = candidates.fit.len();
     let (value, bound) = (digits(plan.value), digits(plan.bound));
     let judged = match criterion {
         Criterion::D => {
@@ -301,12 +309,15 @@ fn summary(
     let percent = (plan.efficiency * 1000.0).floor() / 10.0;
     let mut text = format!(
         "{}: {} of {candidates} postures{added}; {} directions beat the tolerances\n{} criterion: {judged}\n\
-         the plan is >= {percent:.1} % {}-efficient\n\n",
+         the plan is >= {percent:.1} % {}-efficient\n",
         problem.name,
         args.poses,
         plan.kept,
         criterion.name(),
         criterion.name(),
+    );
+    text.push_str(
+        &reached.map_or_else(|| "\n".to_owned(), |reached| format!("{}\n\n", share_reached(&reached))),
     );
     let (length, angle) = (problem.units.length_symbol(), problem.units.angle_symbol());
     text.push_str(&format!(

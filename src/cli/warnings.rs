@@ -4,11 +4,13 @@ use super::details::{SHOWN, digits};
 use super::summary::Summary;
 use super::wording::{counted, listed};
 use crate::files::{LengthUnit, ProblemFile};
+use crate::identify::UndecidedSide;
 use crate::identify::run::NearSingular;
 use crate::identify::untold::untold_words;
 use crate::model::Prior;
 use crate::model::far::far_points;
 use crate::solve::{ActiveBound, Outcome};
+use nalgebra::Vector3;
 
 /// Tolerances beyond which a deviation is remarked on.
 const FAR_OFF: f64 = 10.0;
@@ -166,6 +168,7 @@ impl Summary<'_> {
                 found.other_mode.join(", ")
             ));
         }
+        warnings.extend(found.sides.undecided.iter().map(|side| self.undecided(side)));
         warnings.extend(self.problem.data.kind_notes().into_iter().map(str::to_owned));
         if let Some(counts) = found.counts()
             && found.rows < counts.structural
@@ -197,6 +200,25 @@ impl Summary<'_> {
             warnings.push(format!("{more} at their bounds, with smaller multipliers: see active_bounds"));
         }
         warnings
+    }
+
+    /// That a fixed point may stand on either side of the plane of its targets.
+    fn undecided(&self, side: &UndecidedSide) -> String {
+        let units = self.problem.units;
+        let place = |p: &Vector3<f64>| {
+            let shown: Vec<String> = p.iter().map(|v| digits(units.from_metres(*v))).collect();
+            format!("[{}]", shown.join(", "))
+        };
+        format!(
+            "the readings do not tell on which side of the plane of its targets {} stands: here at {}, or at {} {}, where \
+             chi-square with deviations in tolerances is {} larger; its standard errors hold for this side only; measure \
+             it from postures out of that plane, or state its position and tolerance",
+            side.point,
+            place(&side.here),
+            place(&side.there),
+            units.length_symbol(),
+            digits(side.difference),
+        )
     }
 
     /// Whether links are free, or their tolerances large beside the machine.

@@ -1,6 +1,6 @@
 //! Words that several messages share: numbers with their nouns, lists, and why a posture does not close.
 
-use crate::design::Unfit;
+use crate::design::{Reached, Unfit};
 use crate::files::Units;
 use crate::identify::IdentifyError;
 use crate::model::NotClosed;
@@ -73,6 +73,20 @@ pub fn unfit(why: &Unfit, units: Units) -> String {
         Unfit::NotClosed(why) => reason(why, units),
         other => other.to_string(),
     }
+}
+
+/// How many real machines reach the postures of a plan.
+pub fn share_reached(reached: &Reached) -> String {
+    let Reached { machines, mean, least } = reached;
+    if *machines == 0 {
+        return "no machine drawn from the tolerances closes at home: which postures real machines reach is not known"
+            .into();
+    }
+    format!(
+        "of {machines} machines drawn from the tolerances {:.1} % reach each posture, {:.1} % the worst one",
+        100.0 * mean,
+        100.0 * least
+    )
 }
 
 #[cfg(test)]

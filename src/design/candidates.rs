@@ -49,6 +49,15 @@ pub enum Unfit {
     /// The surface that it should touch is not reached from it.
     #[error("the actuators' ranges do not lead from it to the plane")]
     NoContact,
+    /// Machines drawn from the tolerances do not reach it.
+    #[error(
+        "of {machines} machines drawn from the tolerances too many do not reach it: its loops do not close on home's \
+         branch, or a passive joint leaves its range"
+    )]
+    Unreached {
+        /// Machines by which it was judged.
+        machines: usize,
+    },
     /// A joint leaves the range of the drawing.
     #[error("{joint} leaves its range")]
     OutOfRange {
@@ -249,6 +258,16 @@ impl Candidates {
 
 /// Whether every joint is within its range and the posture is regular.
 fn check(mechanism: &Mechanism, posture: &Posture, least: f64) -> Result<(), Unfit> {
+    in_range(mechanism, posture)?;
+    if mechanism.is_open_chain() {
+        return Ok(());
+    }
+    let ratio = posture.regularity();
+    if ratio < least { Err(Unfit::Singular { ratio, least }) } else { Ok(()) }
+}
+
+/// Whether every joint, passive ones too, is within its range.
+pub(super) fn in_range(mechanism: &Mechanism, posture: &Posture) -> Result<(), Unfit> {
     let joints = mechanism.limbs.iter().flat_map(|limb| limb.joints.iter().map(move |joint| (limb, joint)));
     for ((limb, joint), q) in joints.zip(&posture.q) {
         let Some((low, high)) = joint.range else { continue };
@@ -257,9 +276,5 @@ fn check(mechanism: &Mechanism, posture: &Posture, least: f64) -> Result<(), Unf
             return Err(Unfit::OutOfRange { joint: format!("{}.{}", limb.name, joint.name) });
         }
     }
-    if mechanism.is_open_chain() {
-        return Ok(());
-    }
-    let ratio = posture.regularity();
-    if ratio < least { Err(Unfit::Singular { ratio, least }) } else { Ok(()) }
+    Ok(())
 }

@@ -8,6 +8,7 @@ pub mod information;
 pub mod observability;
 pub mod order;
 pub mod plan;
+pub mod reach;
 pub mod relaxation;
 
 pub use accuracy::{Expected, expected};
@@ -16,3 +17,4 @@ pub use criterion::Criterion;
 pub use information::{Information, Instrument};
 pub use observability::Observability;
 pub use plan::{Plan, Settings, plan};
+pub use reach::{Reached, ReachedPlan, RealMachines, Request, reached_plan};

@@ -54,9 +54,9 @@ fn is_free(constants: &[Constant], index: Option<usize>) -> bool {
 }
 
 /// Distances of a fixed point from known points: `d_k = |p_k - f| + z`, the zero `z` unknown or 0.
-struct Ranges<'a> {
-    seen: &'a [(Vector3<f64>, f64)],
-    with_zero: bool,
+pub(super) struct Ranges<'a> {
+    pub(super) seen: &'a [(Vector3<f64>, f64)],
+    pub(super) with_zero: bool,
 }
 
 impl Ranges<'_> {
@@ -92,8 +92,8 @@ impl Ranges<'_> {
         Some((f, if self.with_zero { solution[3] } else { 0.0 }, flat.flatten()))
     }
 
-    /// Gauss-Newton with halved steps from a start.
-    fn settled(&self, mut f: Vector3<f64>, mut zero: f64) -> (f64, Vector3<f64>, f64) {
+    /// Gauss-Newton with halved steps from a start: sum of squares, point and zero.
+    pub(super) fn settled(&self, mut f: Vector3<f64>, mut zero: f64) -> (f64, Vector3<f64>, f64) {
         let mut cost = self.cost(&f, zero);
         let n = if self.with_zero { 4 } else { 3 };
         for _ in 0..ITERATIONS {
@@ -168,7 +168,8 @@ fn place_point(
         }
         return;
     }
-    if distances.len() < if with_zero { 5 } else { 4 } {
+    // Three distances leave two sides, of which the one nearer to the drawing is taken; see `sides`.
+    if distances.len() < if with_zero { 5 } else { 3 } {
         return;
     }
     let Some((f, found)) = (Ranges { seen: &distances, with_zero }).best(drawn) else { return };

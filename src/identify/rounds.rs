@@ -6,6 +6,7 @@ use super::cross_validation::Influence;
 use super::outliers::outliers;
 use super::run::Identification;
 use super::score::score;
+use super::sides::Sides;
 use super::singularities::singularities;
 use crate::calibration::{ByPosture, Calibration, Coordinates, Sample, SetAside};
 use crate::model::Mechanism;
@@ -151,6 +152,7 @@ impl Run<'_> {
             nominal: visibility_at(&vec![0.0; at.len()]),
             deviations: geometry.deviations_from(&drawn.nominal()),
             rows: problem.rows(),
+            sides: Sides::default(),
             near_singular,
             other_mode,
             outliers: Vec::new(),

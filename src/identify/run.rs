@@ -7,6 +7,7 @@ use super::outliers::Outlier;
 use super::registration::{FreeEnds, Registration, register};
 use super::rounds::Run;
 use super::score::Fit;
+use super::sides::{Sides, has_points, sides};
 use super::singularities::NEAR_SINGULAR;
 use super::uncertainty::LinkRoot;
 use super::untold::Untold;
@@ -83,6 +84,8 @@ pub struct Identification {
     pub rows: usize,
     /// Samples that took part, each to be closed from where it was closed.
     pub taking: Vec<Sample>,
+    /// On which side of their readings' plane fixed points stand.
+    pub sides: Sides,
 }
 
 /// Identifies the machine's deviations under the stated tolerances, started from link deviations `from` (rad, m, six per
@@ -99,6 +102,28 @@ pub fn identify_from(
     }
     let Registration { machine: start, untold, .. } =
         placed(drawn, samples).ok_or(IdentifyError::Unregistered)?;
+    let known = has_points(&start);
+    let mut found = identify_placed(drawn, (start, untold), samples, identifier, stop, from)?;
+    if known {
+        let (other, known) = sides(&found, samples, stop);
+        if let Some((start, from)) = other {
+            let placed = (start, found.untold.clone());
+            found = identify_placed(drawn, placed, samples, identifier, stop, &from)?;
+        }
+        found.sides = known;
+    }
+    Ok(found)
+}
+
+/// The same from a machine whose free ends and constants are placed, and what the samples do not tell of them.
+fn identify_placed(
+    drawn: &Mechanism,
+    (start, untold): (Mechanism, Vec<Untold>),
+    samples: &[Sample],
+    identifier: &dyn Identifier,
+    stop: &Stop,
+    from: &[f64],
+) -> Result<Identification, IdentifyError> {
     let weighted: Vec<Sample>;
     let samples_in_form = match identifier.form() {
         Form::Plain => {
