@@ -15,6 +15,8 @@ use nalgebra::{Matrix3, Vector3};
 /// Chi-square, deviations in tolerances included, by which one side must be better than the other to be called the right
 /// one: odds of 20,000 to 1.
 const DECIDED: f64 = 20.0;
+/// Chi-square for whose gain points change sides: less is rounding.
+const GAIN: f64 = 1e-2;
 /// Least number of distances that place a point up to its side.
 const LEAST: usize = 3;
 /// Most points all of whose combinations of sides are tried; of more, one after the other and all together.
@@ -89,26 +91,22 @@ pub(super) fn sides(found: &Identification, samples: &[Sample], stop: &Stop) -> 
     }
     let Some(first) = explained(&(found.start.clone(), at), &taking, stop) else { return (None, known) };
     let mut best = first;
-    for _ in 0..ROUNDS {
+    for round in 0..=ROUNDS {
         let tolerated = DECIDED * disagreement(&best, &taking);
         let others = alternatives(&best, &points, &taking, tolerated, stop);
-        let better = others.iter().filter(|(_, o)| o.energy < best.energy);
-        match better.min_by(|a, b| a.1.energy.total_cmp(&b.1.energy)) {
-            Some((changed, other)) => {
-                for &k in changed {
-                    let name = element(&found.start, &points[k]);
-                    match known.changed.iter().position(|known| *known == name) {
-                        Some(back) => drop(known.changed.remove(back)),
-                        None => known.changed.push(name),
-                    }
-                }
-                best = other.clone();
-            }
-            None => {
-                known.undecided = undecided(&best, &others, &points);
-                break;
+        let better = others.iter().filter(|(_, o)| round < ROUNDS && o.energy < best.energy - GAIN);
+        let Some((changed, other)) = better.min_by(|a, b| a.1.energy.total_cmp(&b.1.energy)) else {
+            known.undecided = undecided(&best, &others, &points);
+            break;
+        };
+        for &k in changed {
+            let name = element(&found.start, &points[k]);
+            match known.changed.iter().position(|known| *known == name) {
+                Some(back) => drop(known.changed.remove(back)),
+                None => known.changed.push(name),
             }
         }
+        best = other.clone();
     }
     ((!known.changed.is_empty()).then_some(best.start), known)
 }
