@@ -6,7 +6,7 @@ use super::run::Identification;
 use crate::calibration::{Calibration, Postures, Sample};
 use crate::linalg;
 use crate::measure::{Clue, Gauge, Point};
-use crate::model::{Geometry, Mechanism, Prior};
+use crate::model::{Constant, Geometry, Mechanism, Prior};
 use crate::problem::{Form, Problem};
 use crate::solve::map::Map;
 use crate::solve::{Identifier, Stop};
@@ -21,6 +21,8 @@ const GAIN: f64 = 1e-2;
 const LEAST: usize = 3;
 /// Most points all of whose combinations of sides are tried; of more, one after the other and all together.
 const MOST: usize = 5;
+/// Square of a distance from the stated position, in its tolerances, that no reading makes good.
+const RULED_OUT: f64 = 400.0;
 /// Rounds in which points change sides.
 const ROUNDS: usize = 3;
 /// Part of its distance from the mirror image within which a point that falls back to where it was has only one side.
@@ -86,10 +88,11 @@ pub(super) fn sides(found: &Identification, samples: &[Sample], stop: &Stop) -> 
         true => found.geometry.deviations_from(&found.start.nominal()),
         false => vec![0.0; found.start.component_count()],
     };
-    if points.is_empty() {
+    let from = (found.start.clone(), at);
+    if points.iter().all(|point| other_side(&from, point, &taking).is_none()) {
         return (None, known);
     }
-    let Some(first) = explained(&(found.start.clone(), at), &taking, stop) else { return (None, known) };
+    let Some(first) = explained(&from, &taking, stop) else { return (None, known) };
     let mut best = first;
     for round in 0..=ROUNDS {
         let tolerated = DECIDED * disagreement(&best, &taking);
@@ -168,7 +171,7 @@ fn alternatives(
 ) -> Vec<(Vec<usize>, Explained)> {
     let limit = best.energy + tolerated;
     let mirrored: Vec<Option<Vector3<f64>>> =
-        points.iter().map(|point| other_side(best, point, samples)).collect();
+        points.iter().map(|point| other_side(&best.start, point, samples)).collect();
     let with = |changed: &[usize]| {
         let mut start = best.start.clone();
         for &k in changed {
@@ -209,9 +212,8 @@ fn moved((mechanism, at): &mut Start, first: usize, there: &Vector3<f64>) {
 }
 
 /// Where a point's own distances put it on the other side of the plane in which its targets lie, the machine held; `None`
-/// where there is no other side.
-fn other_side(best: &Explained, point: &Ranged, samples: &[Sample]) -> Option<Vector3<f64>> {
-    let (mechanism, at) = &best.start;
+/// where there is no other side, or one that its tolerance rules out.
+fn other_side((mechanism, at): &Start, point: &Ranged, samples: &[Sample]) -> Option<Vector3<f64>> {
     let geometry = mechanism.deviated(at);
     let mut postures = Postures::new(mechanism);
     let mut seen: Vec<(Vector3<f64>, f64)> = Vec::with_capacity(point.samples.len());
@@ -231,7 +233,12 @@ fn other_side(best: &Explained, point: &Ranged, samples: &[Sample]) -> Option<Ve
     let image = here - 2.0 * normal * normal.dot(&(here - centre));
     let (_, there, _) = Ranges { seen: &seen, with_zero: false }.settled(image, 0.0);
     let apart = (there - here).norm();
-    (apart.is_finite() && apart > FALLEN_BACK * (image - here).norm() && apart > 0.0).then_some(there)
+    let off = |(i, value): (usize, &f64)| match mechanism.instrument[point.constant + i] {
+        Constant { prior: Prior::Sigma(sigma), nominal, .. } => ((value - nominal) / sigma).powi(2),
+        _ => 0.0,
+    };
+    let ruled_out = there.iter().enumerate().map(off).sum::<f64>() > RULED_OUT;
+    (apart > FALLEN_BACK * (image - here).norm() && apart.is_finite() && !ruled_out).then_some(there)
 }
 
 fn on_tool(tool: &crate::lie::Se3, target: &Point, geometry: &Geometry) -> Vector3<f64> {
