@@ -18,9 +18,12 @@ const MARGIN: f64 = 1.3;
 
 type Part = fn(&Errors) -> Option<f64>;
 
+/// Positions of targets among them.
+pub const POSITION: &str = "position";
+
 /// What is compared, whether it is an angle, and where it stands among the errors of a sample.
 const PARTS: [(&str, bool, Part); 6] = [
-    ("position", false, |e| e.position),
+    (POSITION, false, |e| e.position),
     ("rotation", true, |e| e.rotation),
     ("distance", false, |e| e.distance),
     ("height above a plane", false, |e| e.plane),

@@ -3,15 +3,15 @@
 //! Loops that do not close have no predicted pose. So every limb is brought to the measured pose by itself: its
 //! passive joints move until its tool is as near as the actuators' readings let it come, and what is left counts.
 
+use super::reading::Reading;
 use crate::identify::registration::FreeEnds;
-use crate::lie::{Se3, so3};
-use crate::measure::Pose;
+use crate::measure::Point;
 use crate::model::inverse::passive_at_pose;
 use crate::model::mechanism::pose_difference;
 use crate::model::{Mechanism, Posture, Prior};
 use crate::simulate::{close, draw_deviations, draw_postures};
 use crate::statistics::median;
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::Matrix6;
 
 /// Machines drawn from the tolerances.
 const MACHINES: u64 = 24;
@@ -19,36 +19,6 @@ const MACHINES: u64 = 24;
 const POSTURES: usize = 5;
 /// The worst of a few machines is not the worst of all.
 const MARGIN: f64 = 1.3;
-
-/// A measured posture in plain numbers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Reading {
-    /// Of the sample.
-    pub name: String,
-    /// Readings (not reading - home) in actuator order, rad or m.
-    pub actuators: Vec<f64>,
-    /// Position of the tool point, m.
-    pub position: Vector3<f64>,
-    /// Rotation, where it was measured.
-    pub rotation: Option<Matrix3<f64>>,
-    /// The rotation vector as it is written, in rad: beyond half a turn the matrix does not tell it.
-    pub vector: Option<Vector3<f64>>,
-    /// Whether the rotation is written as a quaternion.
-    pub quaternion: bool,
-}
-
-impl Reading {
-    /// The whole pose, where it was measured.
-    pub fn pose(&self) -> Option<Se3> {
-        self.rotation.map(|r| Se3 { r, p: self.position })
-    }
-
-    /// Joint variables, reading - home.
-    pub fn variables(&self, mechanism: &Mechanism) -> Vec<f64> {
-        let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
-        self.actuators.iter().zip(joints).map(|(reading, joint)| reading - joint.home).collect()
-    }
-}
 
 /// Distance between the drawing and each measured posture, m; rotations count with the size of the machine.
 /// Infinite where a position alone is measured and the posture does not close.
@@ -61,8 +31,10 @@ pub fn misfits(mechanism: &Mechanism, data: &[Reading]) -> Vec<f64> {
         .map(|reading| {
             let variables = reading.variables(mechanism);
             let Some(pose) = reading.pose() else {
-                return close(mechanism, &geometry, &variables)
-                    .map_or(f64::INFINITY, |posture| (posture.tool().p - reading.position).norm());
+                return close(mechanism, &geometry, &variables).map_or(f64::INFINITY, |posture| {
+                    let (tool, offset) = (posture.tool(), reading.target.at(&geometry.instrument));
+                    (tool.p + tool.r * offset - reading.position).norm()
+                });
             };
             let solved = passive_at_pose(mechanism, &geometry, &variables, &home, &pose);
             posture.set_joints(mechanism, &variables, &solved);
@@ -125,6 +97,8 @@ pub fn expected(mechanism: &Mechanism, noise: Option<&Matrix6<f64>>, position_on
                     rotation: (!position_only).then_some(pose.r),
                     vector: None,
                     quaternion: false,
+                    target: Point::default(),
+                    noise: Box::new(Matrix6::identity()),
                 })
             })
             .collect();
@@ -134,23 +108,10 @@ pub fn expected(mechanism: &Mechanism, noise: Option<&Matrix6<f64>>, position_on
     }
     let length = mechanism.characteristic_length();
     let noise = noise.map_or(0.0, |c| {
-        let rotation: f64 = (0..3).map(|i| c[(i, i)]).sum();
+        let rotation: f64 = if position_only { 0.0 } else { (0..3).map(|i| c[(i, i)]).sum() };
         let position: f64 = (3..6).map(|i| c[(i, i)]).sum();
         (position + rotation * length * length).sqrt()
     });
     let with_noise = |misfit: f64| (MARGIN * misfit).hypot(3.0 * noise);
     Expected { median: with_noise(typical), single: with_noise(largest) }
-}
-
-/// The reading as a sample of unit noise.
-pub(super) fn measurement(reading: &Reading) -> Option<Pose> {
-    let rotation = reading.rotation.is_some();
-    let seen = [rotation, rotation, rotation, true, true, true];
-    let r = reading.rotation.unwrap_or_else(Matrix3::identity);
-    Pose::new(Se3 { r, p: reading.position }, seen, &Matrix6::identity()).ok()
-}
-
-/// Rotation vector of a reading: as written, or that of the matrix.
-pub(super) fn vector(reading: &Reading) -> Option<Vector3<f64>> {
-    reading.vector.or_else(|| reading.rotation.map(|r| so3::log(&r)))
 }

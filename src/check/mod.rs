@@ -1,15 +1,28 @@
 //! Whether data mean what they should: how far the drawing is from them, which usual mistake would explain it, and
 //! what repeated measurements say of the noise.
 
+mod alignment;
+mod candidates;
 pub mod comparison;
 pub mod correction;
+pub mod euler;
+pub mod fit;
+mod homes;
 pub mod misfit;
-pub mod offsets;
+mod observed;
+mod prediction;
+mod ranking;
+pub mod reading;
 pub mod repeats;
+mod rotation;
 pub mod search;
+mod words;
 
 pub use comparison::{Compared, compared};
 pub use correction::Correction;
-pub use misfit::{Expected, Reading, expected, has_free_links, misfits};
+pub use euler::Euler;
+pub use fit::Fit;
+pub use misfit::{Expected, expected, has_free_links, misfits};
+pub use reading::Reading;
 pub use repeats::{Repeats, repeats};
-pub use search::{Finding, corrected, search};
+pub use search::{Finding, Verdict, corrected, search};

@@ -1,6 +1,6 @@
 //! Noise from repeated measurements: postures measured more than once with the same readings differ by noise alone.
 
-use super::misfit::Reading;
+use super::reading::Reading;
 use crate::lie::so3;
 use nalgebra::Vector3;
 
@@ -69,7 +69,8 @@ pub fn repeats(data: &[Reading]) -> Option<Repeats> {
 }
 
 fn equal(a: &Reading, b: &Reading) -> bool {
-    a.actuators.len() == b.actuators.len()
+    a.target == b.target
+        && a.actuators.len() == b.actuators.len()
         && a.actuators.iter().zip(&b.actuators).all(|(a, b)| (a - b).abs() <= SAME * a.abs().max(b.abs()))
 }
 

@@ -1,59 +1,110 @@
-//! The mistake, or the few of them, that would explain why data and drawing disagree.
+//! The mistake, or the two of them, that explain why data and drawing disagree.
 //!
-//! Every mistake is tried alone, then every pair, then what lies behind the best pairs. What explains the data with fewer
-//! mistakes wins over what explains them with more; among equals, a mistake of the file (a unit, an order, a sign) wins
-//! over offsets or a frame found from the data, which have numbers to fit with, and one frame over two.
+//! Hypotheses are ranked without a fit; the machine is fitted within its tolerances to the best of them, as to the data as
+//! they are. A story is told only where it leaves what noise and tolerances explain, little beside the spread of the
+//! corrected data, and where it does far better than the data as they are and than every other story. What has numbers to
+//! fit with is believed only where no plain mistake does as well.
 
-use super::correction::{Correction, corrections};
-use super::misfit::{Reading, misfits};
-use crate::identify::registration::FreeEnds;
+use super::correction::{Correction, applied};
+use super::fit::{Fit, fit};
+use super::misfit::misfits;
+use super::observed::{Observed, Seen};
+use super::ranking::{Ranked, Ranking};
+use super::reading::{Reading, postures, some_of};
+use crate::calibration::Sample;
+use crate::identify::registration::{FreeEnds, register};
 use crate::model::Mechanism;
 use crate::statistics::median;
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-/// Postures that are looked at; of several mistakes at once.
-const LOOKED_AT: [usize; 2] = [40, 10];
-/// Most mistakes at once.
-const MOST: usize = 4;
-/// Explanations from which a further mistake is sought.
-const KEPT: usize = 16;
-/// A correction is as good as the best one within this factor: the plainer is named.
-const AS_GOOD: f64 = 1.5;
-/// The same among those that have numbers to fit with.
-const AS_CLOSE: f64 = 1.2;
-/// Factor by which a fit must be better than a plain mistake to be believed in its place, for each set of numbers that it
-/// finds.
-const MUCH_BETTER: f64 = 3.0;
-/// Part of the misfit that a correction leaves at most.
-const LEFT: f64 = 0.8;
-/// Factor by which corrections must lower the misfit where tolerances do not explain the rest.
-const LARGE: f64 = 10.0;
-/// Factor by which one more mistake must lower the misfit where tolerances do not explain the rest.
-const FURTHER: f64 = 5.0;
+/// Postures to which the machine is fitted.
+const FITTED: usize = 40;
+/// Hypotheses to which it is, of one mistake and of two.
+const TRIED: usize = 28;
+/// As many at a time.
+const TOGETHER: usize = 4;
+/// Misfit, in parts of the spread, above which nothing is explained.
+const NOTHING: f64 = 0.5;
+/// Factor on the least misfit up to which a hypothesis is fitted.
+const CLOSE_TO: f64 = 12.0;
+/// The same where a story was found.
+const AS_CLOSE: f64 = 2.5;
+/// [`Fit::size`] above which noise and tolerances do not explain the data.
+const UNEXPLAINED: f64 = 3.0;
+/// Error, in parts of the spread, below which data count as explained whatever noise and tolerances are stated.
+const CLOSE: f64 = 2e-3;
+/// The same where no noise is stated.
+const CLOSE_UNSTATED: f64 = 1e-2;
+/// Error, in parts of the spread, above which they never do.
+const FAR: f64 = 0.03;
+/// Part of the postures that must close.
+const CLOSED: f64 = 0.8;
+/// Factor by which a correction must lower the size of a fit,
+const FACTOR: f64 = 4.0;
+/// or what it must take off chi-square where the rest is as small as noise and tolerances make it,
+const GAIN: f64 = 60.0;
+/// and more for every number that it fits.
+const GAIN_PER_NUMBER: f64 = 10.0;
+/// [`Fit::size`] of such a rest.
+const SMALL: f64 = 1.5;
+/// Chi-square by which a story must be better than another one, in units of what is left.
+const APART: f64 = 30.0;
+/// The same as a factor on the size of the fit, where the fit leaves more than noise and tolerances explain.
+const APART_BY: f64 = 1.5;
+/// Most stories of which any may be the true one.
+const ALTERNATIVES: usize = 8;
+/// Difference of offsets, rad or m, that is none.
+const SAME: f64 = 0.02;
+/// Second singular value of places, in parts of the first, below which they lie on a line.
+const LINE: f64 = 0.02;
+/// Rotations below which a machine does not tell its ends apart, rad.
+const HARDLY: f64 = 0.05;
+
+/// What a search came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Noise and tolerances explain the data.
+    Explained,
+    /// Corrections explain them.
+    Named,
+    /// They are not explained, and no usual mistake explains them better than every other one.
+    Unknown,
+    /// Where base and tool stand cannot be told from them.
+    Unplaced,
+}
 
 /// What was found. Misfits are medians over the postures, m; rotations count with the size of the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
+    /// What it came to.
+    pub verdict: Verdict,
     /// As the data are.
     pub before: f64,
     /// With the corrections.
     pub after: f64,
     /// Together they explain the data; empty where nothing is wrong, or nothing known explains it.
     pub corrections: Vec<Correction>,
-    /// Others, each of which would do as well.
-    pub alternatives: Vec<Correction>,
+    /// Other stories, each of which would do as well.
+    pub alternatives: Vec<Vec<Correction>>,
+    /// The machine fitted to the data as they are, and with the corrections.
+    pub fits: [Option<Fit>; 2],
 }
 
-/// Corrections by their place in the list, and the misfit that they leave.
+/// A story with the machine fitted to what it makes of the data.
 #[derive(Clone, Debug)]
-struct Hypothesis {
-    made: Vec<usize>,
-    misfit: f64,
+struct Story {
+    corrections: Vec<Correction>,
+    plain: usize,
+    /// Numbers that the machine has beyond those of the drawing.
+    freed: usize,
+    fit: Fit,
 }
 
-struct Search<'a> {
-    mechanism: &'a Mechanism,
-    list: Vec<Correction>,
+impl Story {
+    fn fitted(&self) -> usize {
+        self.corrections.iter().map(Correction::fitted).sum()
+    }
 }
 
 /// The machine and the data with these corrections, ends that are free registered.
@@ -62,131 +113,221 @@ pub fn corrected(
     data: &[Reading],
     corrections: &[Correction],
 ) -> Option<(Mechanism, Vec<Reading>)> {
-    let mut state = (mechanism.clone(), data.to_vec());
+    let data = applied(mechanism, data, corrections)?;
+    let free = elsewhere(FreeEnds::of(mechanism), corrections);
+    let targets = data.iter().any(|reading| reading.target.constants.is_some());
+    if !(free.base || free.tool || targets) {
+        return Some((mechanism.clone(), data));
+    }
+    let samples: Option<Vec<Sample>> = data.iter().map(|reading| reading.sample(mechanism)).collect();
+    let placed = register(mechanism, &samples?, free).map(|found| found.machine);
+    Some((placed.unwrap_or_else(|| mechanism.clone()), data))
+}
+
+fn elsewhere(mut free: FreeEnds, corrections: &[Correction]) -> FreeEnds {
     for correction in corrections {
-        state = correction.apply(&state.0, &state.1)?;
-    }
-    let free = FreeEnds::of(mechanism);
-    if free.base || free.tool {
-        state = Correction::Elsewhere(free).apply(&state.0, &state.1).unwrap_or(state);
-    }
-    Some(state)
-}
-
-impl Search<'_> {
-    fn misfit(&self, data: &[Reading], made: &[usize]) -> Option<f64> {
-        let corrections: Option<Vec<Correction>> = made.iter().map(|i| self.list.get(*i).cloned()).collect();
-        let (mechanism, data) = corrected(self.mechanism, data, &corrections?)?;
-        Some(median(misfits(&mechanism, &data)).unwrap_or(f64::INFINITY))
-    }
-
-    /// How many sets of numbers the corrections fit to the data.
-    fn fitted(&self, made: &[usize]) -> usize {
-        made.iter().filter_map(|i| self.list.get(*i)).map(Correction::fitted).sum()
-    }
-
-    fn tried(&self, data: &[Reading], all: Vec<Vec<usize>>) -> Vec<Hypothesis> {
-        all.into_par_iter()
-            .filter_map(|made| {
-                let misfit = self.misfit(data, &made)?;
-                Some(Hypothesis { made, misfit })
-            })
-            .collect()
-    }
-
-    /// The hypotheses with one more correction, each in the order of the list, in which what is fitted comes last; at most
-    /// one is fitted.
-    fn extended(&self, from: &[Vec<usize>]) -> Vec<Vec<usize>> {
-        let mut all: Vec<Vec<usize>> = Vec::new();
-        for made in from {
-            for next in 0..self.list.len() {
-                if made.contains(&next) || self.fitted(&[next]) > 0 && self.fitted(made) > 0 {
-                    continue;
-                }
-                let mut longer = made.clone();
-                longer.push(next);
-                longer.sort_unstable();
-                all.push(longer);
-            }
-        }
-        all.sort_unstable();
-        all.dedup();
-        all
-    }
-
-    /// The plainest of the hypotheses that leave at most `limit`.
-    fn plainest<'h>(&self, all: &'h [Hypothesis], limit: f64) -> Option<&'h Hypothesis> {
-        let pick = |fitted: usize, as_good: f64| {
-            let some = || all.iter().filter(move |h| h.misfit <= limit && self.fitted(&h.made) == fitted);
-            let least = some().map(|h| h.misfit).fold(f64::INFINITY, f64::min);
-            let good = some().filter(|h| h.misfit <= as_good * least);
-            good.min_by_key(|h| h.made.iter().map(|i| i * i).sum::<usize>())
-        };
-        match (pick(0, AS_GOOD), pick(1, AS_CLOSE).or_else(|| pick(2, AS_CLOSE))) {
-            (Some(plain), Some(fit))
-                if plain.misfit > MUCH_BETTER.powi(self.fitted(&fit.made) as i32) * fit.misfit =>
-            {
-                Some(fit)
-            }
-            (plain, fit) => plain.or(fit),
+        if let Correction::Elsewhere(ends) = correction {
+            free = FreeEnds { base: free.base || ends.base, tool: free.tool || ends.tool };
         }
     }
+    free
 }
 
-fn some_of(data: &[Reading], most: usize) -> Vec<Reading> {
-    data.iter().step_by(data.len().div_ceil(most).max(1)).cloned().collect()
-}
-
-/// Looks for mistakes where the misfit is above `limit`, m.
-pub fn search(mechanism: &Mechanism, data: &[Reading], limit: f64) -> Finding {
-    let [chosen, few] = LOOKED_AT.map(|most| some_of(data, most));
-    let of = Search { mechanism, list: corrections(mechanism, &chosen) };
-    let before = of.misfit(&chosen, &[]).unwrap_or(f64::INFINITY);
-    let nothing = |after| Finding { before, after, corrections: Vec::new(), alternatives: Vec::new() };
-    if before <= limit {
-        return nothing(before);
-    }
-    // Without a posture that closes there is no misfit to lower by a factor.
-    let start = before.min(mechanism.characteristic_length());
-    let (enough, much) = (limit.min(LEFT * start), (start / LARGE).min(LEFT * start));
-    let single = of.tried(&chosen, of.extended(&[Vec::new()]));
-    let mut found = of.plainest(&single, enough).cloned();
-    let mut best = of.plainest(&single, much).cloned();
-    let mut from: Vec<Vec<usize>> = single.iter().map(|h| h.made.clone()).collect();
-    for _ in 1..MOST {
-        if found.is_some() {
-            break;
-        }
-        let mut several = of.tried(&few, of.extended(&from));
-        // What has numbers to fit with lowers any misfit a little.
-        let size = |h: &Hypothesis| h.misfit * if of.fitted(&h.made) > 0 { MUCH_BETTER } else { 1.0 };
-        several.sort_by(|a, b| size(a).total_cmp(&size(b)).then_with(|| a.made.cmp(&b.made)));
-        several.truncate(KEPT);
-        from = several.iter().map(|h| h.made.clone()).collect();
-        let several = of.tried(&chosen, from.clone());
-        found = of.plainest(&several, enough).cloned();
-        let than = best.as_ref().map_or(much, |best| (best.misfit / FURTHER).min(much));
-        best = of.plainest(&several, than).cloned().or(best);
-    }
-    let Some(found) = found.or(best) else {
-        let least = single.iter().map(|h| h.misfit).fold(before, f64::min);
-        return nothing(least);
+/// Looks for mistakes where the median misfit is above `limit`, m, or the machine does not fit within its tolerances;
+/// `stated` says whether the noise is.
+pub fn search(mechanism: &Mechanism, data: &[Reading], limit: f64, stated: bool) -> Finding {
+    let chosen = some_of(data, FITTED);
+    let misfit = |corrections: &[Correction]| {
+        corrected(mechanism, &chosen, corrections)
+            .and_then(|(mechanism, data)| median(misfits(&mechanism, &data)))
+            .unwrap_or(f64::INFINITY)
     };
-    let fitted = |h: &Hypothesis| of.fitted(&h.made);
-    let close = if fitted(&found) > 0 { AS_CLOSE } else { AS_GOOD };
-    let as_good = single.iter().filter(|h| {
-        found.made.len() == 1
-            && h.made != found.made
-            && h.misfit <= (close * found.misfit).min(enough.max(much))
-            && fitted(h) == fitted(&found)
-    });
-    let named = |made: &[usize]| -> Vec<Correction> {
-        made.iter().filter_map(|i| of.list.get(*i).cloned()).collect()
+    let before = misfit(&[]);
+    let none = fit(mechanism, &chosen, FreeEnds { base: false, tool: false });
+    let finding = |verdict| Finding {
+        verdict,
+        before,
+        after: before,
+        corrections: Vec::new(),
+        alternatives: Vec::new(),
+        fits: [none, None],
+    };
+    let normal = |fit: &Fit| fit.closed >= CLOSED && fit.size() <= 1.0 + 5.0 / (2.0 * fit.rows as f64).sqrt();
+    let fits = none.as_ref().is_none_or(|fit| !stated || normal(fit));
+    if before <= limit && fits {
+        return finding(Verdict::Explained);
+    }
+    let judge = Judge { none, stated };
+    let Some((story, alternatives)) = story(mechanism, &chosen, &judge) else {
+        let suspicious = match &none {
+            Some(fit) if stated => fit.size() > UNEXPLAINED || fit.closed < CLOSED,
+            _ => before > limit,
+        };
+        return finding(match suspicious {
+            false => Verdict::Explained,
+            true if unplaced(mechanism, &chosen) => Verdict::Unplaced,
+            true => Verdict::Unknown,
+        });
     };
     Finding {
-        before,
-        after: found.misfit,
-        corrections: named(&found.made),
-        alternatives: as_good.flat_map(|h| named(&h.made)).collect(),
+        verdict: Verdict::Named,
+        after: misfit(&story.corrections),
+        corrections: story.corrections,
+        alternatives: alternatives.into_iter().map(|other| other.corrections).collect(),
+        fits: [none, Some(story.fit)],
+        ..finding(Verdict::Named)
     }
+}
+
+/// The story that explains the data, and others that would do as well.
+fn story(mechanism: &Mechanism, data: &[Reading], judge: &Judge) -> Option<(Story, Vec<Story>)> {
+    if unplaced(mechanism, data) {
+        return None;
+    }
+    let ranking = Ranking::new(mechanism, data);
+    let singles = ranking.singles(data);
+    let one = judge.chosen(&tried(mechanism, data, &ranking, &singles, judge));
+    if let Some((story, _)) = &one
+        && story.fit.size() <= SMALL
+    {
+        return one;
+    }
+    // What is nearly explained has no two mistakes in it.
+    if judge.stated
+        && judge.none.as_ref().is_some_and(|fit| fit.size() <= UNEXPLAINED && fit.closed >= CLOSED)
+    {
+        return one;
+    }
+    let pairs = ranking.pairs(data, &singles);
+    let two = judge.chosen(&tried(mechanism, data, &ranking, &pairs, judge));
+    match (one, two) {
+        // One mistake more has to earn it.
+        (Some(one), Some(two)) => {
+            let better = one.0.fit.size() >= APART_BY * two.0.fit.size();
+            Some(if better { two } else { one })
+        }
+        (one, two) => one.or(two),
+    }
+}
+
+/// The machine fitted to what the best hypotheses make of the data: all that may be as good as the best story.
+fn tried(
+    mechanism: &Mechanism,
+    data: &[Reading],
+    ranking: &Ranking<'_>,
+    ranked: &[Ranked],
+    judge: &Judge,
+) -> Vec<Story> {
+    let least = ranked.first().map_or(0.0, |best| best.misfit);
+    let mut limit = NOTHING.min(CLOSE_TO * least.max(CLOSE));
+    let mut stories = Vec::new();
+    for together in ranked[..ranked.len().min(TRIED)].chunks(TOGETHER) {
+        let together = together.par_iter().filter(|r| r.misfit <= limit);
+        let fitted: Vec<(f64, Story)> =
+            together.filter_map(|r| Some((r.misfit, told(mechanism, data, ranking, r)?))).collect();
+        for (misfit, story) in fitted {
+            if story.fit.size() <= SMALL && judge.accepts(&story) {
+                limit = limit.min(AS_CLOSE * misfit.max(CLOSE));
+            }
+            stories.push(story);
+        }
+    }
+    stories
+}
+
+fn told(mechanism: &Mechanism, data: &[Reading], ranking: &Ranking<'_>, ranked: &Ranked) -> Option<Story> {
+    let corrections = ranking.refined(data, &ranked.corrections);
+    let changed = applied(mechanism, data, &corrections)?;
+    let ends = elsewhere(FreeEnds { base: false, tool: false }, &corrections);
+    let fit = fit(mechanism, &changed, ends)?;
+    let freed = |c: &Correction| match c {
+        Correction::Elsewhere(_) => c.fitted() * mechanism.limbs.len(),
+        _ => c.fitted(),
+    };
+    let freed = corrections.iter().map(freed).sum();
+    Some(Story { corrections, plain: ranked.plain, freed, fit })
+}
+
+/// What a story has to do to be told.
+struct Judge {
+    /// The machine fitted to the data as they are.
+    none: Option<Fit>,
+    /// Whether the noise is stated.
+    stated: bool,
+}
+
+impl Judge {
+    fn explains(&self, fit: &Fit) -> bool {
+        let small = match self.stated {
+            true => fit.size() <= UNEXPLAINED || fit.relative <= CLOSE,
+            false => fit.relative <= CLOSE_UNSTATED,
+        };
+        small && fit.moves && fit.relative <= FAR && fit.closed >= CLOSED
+    }
+
+    fn is_better(&self, story: &Story) -> bool {
+        let Some(none) = self.none.as_ref().filter(|none| none.closed >= 0.5) else { return true };
+        let fit = &story.fit;
+        let per_row = |fit: &Fit| fit.square / fit.rows.max(1) as f64;
+        let gain = (per_row(none) - per_row(fit)) * fit.rows as f64;
+        none.size() >= FACTOR * fit.size()
+            || self.stated && fit.size() <= SMALL && gain >= GAIN + GAIN_PER_NUMBER * story.fitted() as f64
+    }
+
+    fn accepts(&self, story: &Story) -> bool {
+        self.explains(&story.fit) && self.is_better(story)
+    }
+
+    /// The story that explains the data, and others that would do as well; `None` where there is none, or too many.
+    fn chosen(&self, stories: &[Story]) -> Option<(Story, Vec<Story>)> {
+        let good: Vec<&Story> = stories.iter().filter(|story| self.accepts(story)).collect();
+        let best = good.iter().min_by(|a, b| a.fit.size().total_cmp(&b.fit.size()))?;
+        let as_good = |story: &&&Story| {
+            let unit = best.fit.size().max(1.0).powi(2);
+            let per_row = (story.fit.size().powi(2) - best.fit.size().powi(2)) / unit;
+            // What is freed takes its prior off chi-square whether it was wrong or not.
+            let freed = 2.0 * best.freed.saturating_sub(story.freed) as f64;
+            per_row * best.fit.rows as f64 <= APART + freed
+                || best.fit.size() > SMALL && story.fit.size() <= APART_BY * best.fit.size()
+        };
+        let equals: Vec<&Story> = good.iter().filter(as_good).copied().collect();
+        let plainest = equals.iter().min_by_key(|s| (s.fitted(), s.plain))?;
+        let mut others: Vec<Story> = Vec::new();
+        for story in equals.iter().filter(|s| s.fitted() == plainest.fitted()) {
+            let told = |other: &Story| same(&other.corrections, &story.corrections);
+            if !told(plainest) && !others.iter().any(told) {
+                others.push((*story).clone());
+            }
+        }
+        (others.len() < ALTERNATIVES).then(|| ((*plainest).clone(), others))
+    }
+}
+
+/// Whether two stories are one, offsets of homes as far as data tell them.
+fn same(a: &[Correction], b: &[Correction]) -> bool {
+    let close = |(a, b): (&Correction, &Correction)| match (a, b) {
+        (Correction::Offsets(a), Correction::Offsets(b)) => {
+            a.len() == b.len()
+                && a.iter().zip(b).all(|((i, v), (j, w))| i == j && (v - w).abs() <= SAME * (1.0 + v.abs()))
+        }
+        (a, b) => a == b,
+    };
+    a.len() == b.len() && a.iter().zip(b).all(close)
+}
+
+/// Whether the postures do not tell where free ends stand: hardly turned, and all places on a line.
+fn unplaced(mechanism: &Mechanism, data: &[Reading]) -> bool {
+    let free = FreeEnds::of(mechanism);
+    if !free.base {
+        return false;
+    }
+    let Some(observed) = Observed::new(mechanism, data, &postures(data), free) else { return true };
+    let places: Vec<Vector3<f64>> = match &observed.seen {
+        Seen::Poses(_) if observed.spread[1] > HARDLY => return false,
+        Seen::Poses(poses) => poses.iter().flatten().map(|pose| pose.p).collect(),
+        Seen::Points(points, _) => points.iter().flatten().copied().collect(),
+    };
+    let mean = places.iter().sum::<Vector3<f64>>() / places.len().max(1) as f64;
+    let sum: Matrix3<f64> = places.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
+    super::rotation::sharpness(&sum) < LINE * LINE
 }

@@ -8,11 +8,14 @@ use super::progress::with_spinner;
 use super::warnings::doubtful_size;
 use super::wording::counted;
 use crate::calibration::Sample;
+use crate::check::correction::actuated;
 use crate::check::{Reading, repeats};
+use crate::files::noise::assumed_noise;
 use crate::files::{DataPlaces, Output, ProblemFile, read_problem};
+use crate::measure::{Clue, Point};
+use crate::model::mobility;
 use crate::model::mobility::near_singular_home;
-use crate::model::{Joint, mobility};
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, Vector3};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -123,7 +126,7 @@ fn size(problem: &ProblemFile, text: &mut String) -> bool {
 
 /// The readings of a sample alone.
 fn bare(problem: &ProblemFile, sample: &Sample) -> Reading {
-    let joints = joints(problem);
+    let joints = actuated(&problem.mechanism);
     Reading {
         name: sample.name.clone(),
         actuators: sample.actuators.iter().zip(&joints).map(|(q, joint)| q + joint.home).collect(),
@@ -131,26 +134,37 @@ fn bare(problem: &ProblemFile, sample: &Sample) -> Reading {
         rotation: None,
         vector: None,
         quaternion: false,
+        target: Point::default(),
+        noise: Box::new(Matrix6::identity()),
     }
 }
 
-/// Positions and poses that were measured wholly.
+/// Positions, of targets too, and poses that were measured wholly.
 fn readings(problem: &ProblemFile) -> Vec<Reading> {
-    let data = &problem.data;
-    let mut found = Vec::with_capacity(data.samples.len());
-    for ((sample, measured), written) in data.samples.iter().zip(&data.measured).zip(&data.written) {
-        if measured.position != [true; 3] {
-            continue;
+    let mut found = Vec::with_capacity(problem.data.samples.len());
+    for set in problem.data.parts() {
+        let stated = set.noise.unwrap_or_else(|| assumed_noise(&problem.mechanism));
+        for ((sample, measured), written) in set.samples.iter().zip(&set.measured).zip(&set.written) {
+            let noise = measured.noise.as_deref().unwrap_or(&stated) / sample.measurement.weight();
+            let reading = Reading { noise: Box::new(noise), ..bare(problem, sample) };
+            if measured.position == [true; 3] {
+                let rotation = measured.rotation.then_some(measured.pose.r);
+                let vector = written.rotation.and_then(|[x, y, z]| Some(Vector3::new(x?, y?, z?)));
+                found.push(Reading {
+                    position: measured.pose.p,
+                    rotation,
+                    vector: vector
+                        .filter(|_| rotation.is_some())
+                        .map(|w| w.map(|v| problem.units.to_radians(v))),
+                    quaternion: written.quaternion.is_some(),
+                    ..reading
+                });
+            } else if let Clue::Position { target, at } = sample.measurement.clue()
+                && target != Point::default()
+            {
+                found.push(Reading { position: at, target, ..reading });
+            }
         }
-        let rotation = measured.rotation.then_some(measured.pose.r);
-        let vector = written.rotation.and_then(|[x, y, z]| Some(Vector3::new(x?, y?, z?)));
-        found.push(Reading {
-            position: measured.pose.p,
-            rotation,
-            vector: vector.filter(|_| rotation.is_some()).map(|w| w.map(|v| problem.units.to_radians(v))),
-            quaternion: written.quaternion.is_some(),
-            ..bare(problem, sample)
-        });
     }
     // One kind at a time: poses where there are any.
     if found.iter().any(|reading| reading.rotation.is_some()) {
@@ -159,15 +173,11 @@ fn readings(problem: &ProblemFile) -> Vec<Reading> {
     found
 }
 
-pub(super) fn joints(problem: &ProblemFile) -> Vec<&Joint> {
-    problem.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated).collect()
-}
-
 fn actuators(problem: &ProblemFile, data: &[Reading], text: &mut String) {
     let names = problem.mechanism.actuator_names();
     let width = names.iter().map(String::len).max().unwrap_or_default();
     let _ = writeln!(text, "\n{:width$}  {:>12} {:>12}   stated range", "actuator", "lowest", "highest");
-    for (i, (name, joint)) in names.iter().zip(joints(problem)).enumerate() {
+    for (i, (name, joint)) in names.iter().zip(actuated(&problem.mechanism)).enumerate() {
         let used = data.iter().filter_map(|reading| reading.actuators.get(i).copied());
         let low = used.clone().fold(f64::INFINITY, f64::min);
         let high = used.fold(f64::NEG_INFINITY, f64::max);

@@ -1,14 +1,17 @@
 //! What `gough check` says of how far the drawing is from the data.
 
-use super::check::joints;
 use super::wording::{counted, listed};
 use crate::calibration::Sample;
-use crate::check::offsets::offsets;
+use crate::check::comparison::POSITION;
+use crate::check::correction::actuated;
 use crate::check::{
-    Compared, Correction, Finding, Reading, compared, corrected, expected, has_free_links, misfits, search,
+    Compared, Correction, Finding, Fit, Reading, Verdict, compared, corrected, expected, has_free_links,
+    misfits, search,
 };
 use crate::files::{Kind, ProblemFile, Units};
 use crate::identify::registration::FreeEnds;
+use crate::measure::Point;
+use crate::model::{Mechanism, Prior};
 use crate::statistics::median;
 use std::fmt::Write;
 
@@ -20,15 +23,31 @@ const WORST: usize = 3;
 const OUTSTANDING: f64 = 3.0;
 /// Postures below which none can stand out.
 const FEW: usize = 4;
-/// Part of the largest offset below which an actuator's own is what tolerances make.
-const SMALL: f64 = 0.2;
+/// Tolerance that stands in where none is stated, rad and machine sizes.
+const USUAL: f64 = 3e-3;
 /// Error in machine sizes or rad above which something is wrong, whatever the tolerances: of the median reading that is
 /// less than a pose, and of poses where free links explain any misfit.
 const FAR: f64 = 0.05;
 
+/// The machine whose fit tells what tolerances explain: where none are stated, with some that machines have.
+fn with_tolerances(problem: &ProblemFile) -> Mechanism {
+    let mut mechanism = problem.mechanism.clone();
+    if problem.require_tolerances().is_err() {
+        let length = USUAL * mechanism.characteristic_length();
+        for link in mechanism.limbs.iter_mut().flat_map(|limb| &mut limb.links) {
+            for (prior, usual) in [(&mut link.tolerance.angle, USUAL), (&mut link.tolerance.length, length)] {
+                if *prior == Prior::Held {
+                    *prior = Prior::Sigma(usual);
+                }
+            }
+        }
+    }
+    mechanism
+}
+
 /// How far the drawing is from poses and positions, and which mistake would explain it; whether there is one.
 pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
-    let mechanism = &problem.mechanism;
+    let mechanism = &with_tolerances(problem);
     let stated = problem.require_tolerances().is_ok();
     let position_only = data.iter().all(|reading| reading.rotation.is_none());
     let explained = expected(mechanism, problem.data.noise.as_ref(), position_only);
@@ -40,14 +59,8 @@ pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String)
         (true, false) => explained.median,
     };
     let single = if stated { explained.single.max(limit) } else { OUTSTANDING * limit };
-    let shown = |metres: f64| {
-        if metres.is_finite() {
-            format!("{:.4} {}", problem.units.from_metres(metres), problem.units.length_symbol())
-        } else {
-            "no closed posture".to_owned()
-        }
-    };
-    let finding = search(mechanism, data, limit);
+    let shown = |metres: f64| length_in(problem.units, metres);
+    let finding = search(mechanism, data, limit, stated && problem.data.has_noise());
     // As the median is: with free ends where the data place them.
     let all = corrected(mechanism, data, &[])
         .map_or_else(|| misfits(mechanism, data), |(mechanism, data)| misfits(&mechanism, &data));
@@ -76,12 +89,16 @@ pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String)
         _ => "worst, with free ends where the data place them",
     };
     let _ = writeln!(text, "  {placed}: {}", worst.collect::<Vec<_>>().join(", "));
-    let mistaken = finding.before > limit;
+    let mistaken = finding.verdict != Verdict::Explained;
     if mistaken {
         text.push('\n');
-        words(problem, data, &finding, text);
+        words(problem, &finding, text);
     }
-    // What stands out does so from the others as they are once the mistake is mended.
+    // What stands out does so from the others as they are once the mistake is mended; of data that are not explained
+    // nothing can be said.
+    if matches!(finding.verdict, Verdict::Unknown | Verdict::Unplaced) {
+        return mistaken;
+    }
     let mended = corrected(mechanism, data, &finding.corrections);
     let all = mended.map_or(all, |(mechanism, data)| misfits(&mechanism, &data));
     let threshold = single.max(OUTSTANDING * median(all.iter().copied()).unwrap_or(f64::INFINITY));
@@ -98,61 +115,98 @@ pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String)
     true
 }
 
-fn words(problem: &ProblemFile, data: &[Reading], finding: &Finding, text: &mut String) {
-    let mechanism = &problem.mechanism;
-    let units = problem.units;
-    let length = units.length_symbol();
-    if finding.corrections.is_empty() {
-        let _ = writeln!(
-            text,
-            "suspicious: the data do not fit the drawing, and no usual mistake (units, signs, order of actuators, \
-             of axes or of quaternions, inverted rotations or poses, home, base and tool elsewhere) explains why; \
-             check the drawing, or the tolerances"
-        );
-        return;
+fn length_in(units: Units, metres: f64) -> String {
+    match metres.is_finite() {
+        true => format!("{:.4} {}", units.from_metres(metres), units.length_symbol()),
+        false => "no closed posture".to_owned(),
     }
-    let mut machine = (mechanism.clone(), data.to_vec());
-    for correction in &finding.corrections {
-        let _ = writeln!(text, "suspicious: {}", correction.words(mechanism));
-        if *correction == Correction::Offsets
-            && let Some(found) = offsets(&machine.0, &machine.1)
-        {
-            let size = mechanism.characteristic_length();
-            let lever = |angular: bool| if angular { size } else { 1.0 };
-            let joints = joints(problem);
-            let all = || joints.iter().zip(&found).map(|(j, v)| lever(j.motion.is_angular()) * v.abs());
-            let largest = all().fold(0.0, f64::max);
-            for ((name, joint), (offset, shift)) in
-                mechanism.actuator_names().iter().zip(&joints).zip(found.iter().zip(all()))
-            {
-                if shift > SMALL * largest {
-                    let home = units.from_joint(joint.motion, joint.home - offset);
-                    let _ = writeln!(
-                        text,
-                        "  {name}: \"home\": {home:.6} instead of {:.6}",
-                        units.from_joint(joint.motion, joint.home)
-                    );
-                }
-            }
-        }
-        if let Some(next) = correction.apply(&machine.0, &machine.1) {
-            machine = next;
-        }
-    }
-    for other in &finding.alternatives {
-        let _ = writeln!(text, "  or: {}", other.words(mechanism));
-    }
-    let before = if finding.before.is_finite() {
-        format!("{:.4} {length}", units.from_metres(finding.before))
-    } else {
-        "no closed posture".to_owned()
-    };
-    let _ = writeln!(text, "  residual {before} -> {:.4} {length}", units.from_metres(finding.after));
 }
 
-/// What is neither a whole pose nor a position of the tool point: compared, but not searched for mistakes.
+fn words(problem: &ProblemFile, finding: &Finding, text: &mut String) {
+    let mechanism = &problem.mechanism;
+    match finding.verdict {
+        Verdict::Unplaced => text.push_str(
+            "suspicious: the data do not fit the drawing, and they do not tell where its free base stands: the tool hardly \
+             turns, and all positions lie on a line; nothing is said of mistakes. Measure other postures, or state where \
+             base and tool are\n",
+        ),
+        Verdict::Named => {
+            let one = if finding.alternatives.is_empty() { "" } else { "one of several that the data do not tell apart: " };
+            for correction in &finding.corrections {
+                let _ = writeln!(text, "suspicious: {one}{}", correction.words(mechanism));
+                homes(problem, correction, text);
+            }
+            for other in &finding.alternatives {
+                let all: Vec<String> = other.iter().map(|c| c.words(mechanism)).collect();
+                let _ = writeln!(text, "  or: {}", all.join("; and "));
+                other.iter().for_each(|correction| homes(problem, correction, text));
+            }
+        }
+        _ => {
+            text.push_str(
+                "suspicious: the data do not fit the drawing, and no usual mistake (units, signs, order of actuators, \
+                 of axes or of quaternions, angles in place of rotation vectors, inverted rotations or poses, coupled \
+                 joints, home, base and tool elsewhere) explains why better than every other; check the drawing, or the \
+                 tolerances\n",
+            );
+        }
+    }
+    let shown = |metres: f64| length_in(problem.units, metres);
+    if finding.verdict == Verdict::Named {
+        let _ = writeln!(text, "  residual {} -> {}", shown(finding.before), shown(finding.after));
+    }
+    let size = |fit: &Option<Fit>| match fit {
+        Some(fit) => format!("{:.2} times", fit.size()),
+        None => "no posture closes, or".to_owned(),
+    };
+    let noise =
+        if problem.data.has_noise() { "noise and tolerances" } else { "tolerances and a noise of 1e-4" };
+    match &finding.fits {
+        [none, Some(fit)] => {
+            let _ = writeln!(
+                text,
+                "  fitted within the tolerances: {} -> {:.2} times what {noise} explain; positions, which spread over {}, \
+                 are then {} off",
+                size(none),
+                fit.size(),
+                shown(fit.spread),
+                fit.position.map_or_else(|| "-".to_owned(), shown)
+            );
+        }
+        [Some(none), None] => {
+            let _ = writeln!(
+                text,
+                "  fitted within the tolerances it is {:.2} times what {noise} explain; positions, which spread over {}, \
+                 are then {} off",
+                none.size(),
+                shown(none.spread),
+                none.position.map_or_else(|| "-".to_owned(), shown)
+            );
+        }
+        [None, None] => {}
+    }
+}
+
+/// What actuators should read at home, where these are offset.
+fn homes(problem: &ProblemFile, correction: &Correction, text: &mut String) {
+    let Correction::Offsets(offsets) = correction else { return };
+    let (names, joints) = (problem.mechanism.actuator_names(), actuated(&problem.mechanism));
+    for (i, offset) in offsets {
+        if let (Some(name), Some(joint)) = (names.get(*i), joints.get(*i)) {
+            let shown = |v: f64| problem.units.from_joint(joint.motion, v);
+            let (home, stated) = (shown(joint.home - offset), shown(joint.home));
+            let _ = writeln!(text, "  {name}: \"home\": {home:.6} instead of {stated:.6}");
+        }
+    }
+}
+
+/// What is neither a whole pose nor a position of the tool point: compared. All but positions of targets was not searched
+/// for mistakes.
 pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
-    let names: std::collections::BTreeSet<&str> = data.iter().map(|reading| reading.name.as_str()).collect();
+    let of_tool = |reading: &&Reading| reading.target == Point::default();
+    let names: std::collections::BTreeSet<&str> =
+        data.iter().filter(of_tool).map(|reading| reading.name.as_str()).collect();
+    let searched = names.len() < data.len();
     let samples: Vec<Sample> =
         problem.data.samples.iter().filter(|s| !names.contains(s.name.as_str())).cloned().collect();
     if samples.is_empty() {
@@ -162,10 +216,11 @@ pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String)
     let kinds: Vec<&str> = problem.data.parts().iter().map(|set| set.kind).map(Kind::name).collect();
     let _ = writeln!(
         text,
-        "\n{} less than a pose of the tool (kinds: {}): compared with the drawing, but not searched for mistakes of \
+        "\n{} less than a pose of the tool (kinds: {}): compared with the drawing, but{} not searched for mistakes of \
          units, signs and order",
         if samples.len() == 1 { "1 sample is".to_owned() } else { format!("{} samples are", samples.len()) },
-        kinds.join(", ")
+        kinds.join(", "),
+        if searched { ", positions apart," } else { "" }
     );
     let (kinds, open) = compared(&problem.mechanism, &samples);
     let size = problem.mechanism.characteristic_length();
@@ -176,6 +231,10 @@ pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String)
         let worst = worst.collect::<Vec<_>>().join(", ");
         let _ = writeln!(text, "  {}: median error {}; worst {worst}", kind.what, shown(kind.median()));
         let whole = if kind.angular { 1.0 } else { size };
+        if searched && kind.what == POSITION {
+            // What is wrong with them was said.
+            continue;
+        }
         if kind.median() > FAR * whole {
             suspicious = true;
             let what = kind.what;
@@ -193,7 +252,7 @@ pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String)
             suspicious |= outstanding(kind, explained, units, text);
         }
     }
-    if !open.is_empty() {
+    if !open.is_empty() && !(searched && kinds.is_empty()) {
         let number = counted(open.len(), "sample");
         let _ = writeln!(text, "  {number} whose loops do not close as drawn: {}", listed(&open));
         if 2 * open.len() > samples.len() {

@@ -8,6 +8,9 @@ use crate::measure::{Clue, Gauge, Plane, Point};
 use crate::model::{Constant, Mechanism, Prior};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
+/// Most rounds of a decomposition: without a limit one of numbers that are not finite never ends.
+const ROUNDS: usize = 1000;
+
 const ITERATIONS: usize = 30;
 /// Relative singular value below which distances do not determine a direction.
 const RANK: f64 = 1e-4;
@@ -79,7 +82,7 @@ impl Ranges<'_> {
         let middle = (0..self.seen.len()).map(square).sum::<f64>() / count;
         let a = DMatrix::from_fn(self.seen.len(), n, row);
         let b = DVector::from_fn(self.seen.len(), |k, _| square(k) - middle);
-        let svd = a.svd(true, true);
+        let svd = a.try_svd(true, true, 5.0 * f64::EPSILON, ROUNDS)?;
         let largest = svd.singular_values.max();
         let solution = svd.solve(&b, RANK * largest).ok()?;
         let flat = (svd.singular_values.min() <= RANK * largest).then(|| {
@@ -103,7 +106,7 @@ impl Ranges<'_> {
             });
             let b =
                 DVector::from_fn(self.seen.len(), |k, _| self.seen[k].1 - (self.seen[k].0 - f).norm() - zero);
-            let svd = a.svd(true, true);
+            let Some(svd) = a.try_svd(true, true, 5.0 * f64::EPSILON, ROUNDS) else { break };
             let largest = svd.singular_values.max();
             let Ok(step) = svd.solve(&b, 1e-9 * largest) else { break };
             let mut fraction = 1.0;
@@ -193,7 +196,7 @@ fn place_plane(constants: &mut [Constant], plane: &Plane, seen: &[(Vector3<f64>,
             let feet = || seen.iter().map(|(p, height)| p - normal * *height);
             let centre = feet().sum::<Vector3<f64>>() / count;
             let spread: Matrix3<f64> = feet().map(|p| (p - centre) * (p - centre).transpose()).sum();
-            let eigen = spread.symmetric_eigen();
+            let Some(eigen) = spread.try_symmetric_eigen(f64::EPSILON, ROUNDS) else { return };
             let found: Vector3<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
             normal = if found.dot(&drawn) < 0.0 { -found } else { found };
         }

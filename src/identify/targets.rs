@@ -12,6 +12,9 @@ use crate::model::{Mechanism, Prior};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;
 
+/// Most rounds of a decomposition: without a limit one of numbers that are not finite never ends.
+const ROUNDS: usize = 1000;
+
 /// Positions from which starts are tried.
 const TRIED: usize = 60;
 const ITERATIONS: usize = 40;
@@ -211,7 +214,8 @@ fn spans(found: &Unknowns, seen: &[Seen]) -> bool {
     let points: Vec<Vector3<f64>> = seen.iter().map(|s| found.error(s) + s.at).collect();
     let centre = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     let spread: Matrix3<f64> = points.iter().map(|p| (p - centre) * (p - centre).transpose()).sum();
-    let mut s: [f64; 3] = spread.symmetric_eigenvalues().into();
+    let Some(eigen) = spread.try_symmetric_eigen(f64::EPSILON, ROUNDS) else { return false };
+    let mut s: [f64; 3] = eigen.eigenvalues.into();
     s.sort_by(f64::total_cmp);
     s[1] > 1e-12 * s[2] && s[2] > 0.0
 }

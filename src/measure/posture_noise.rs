@@ -8,6 +8,9 @@ use crate::lie::Se3;
 use nalgebra::{Matrix6, Vector6};
 use std::sync::Arc;
 
+/// Most rounds of a decomposition: without a limit one of numbers that are not finite never ends.
+const ROUNDS: usize = 1000;
+
 /// Standard deviations of each component of a tool twist `[w; dp]`, {S} axes, by which all readings of one posture err
 /// together: how well the machine returns to a posture, how it sags there.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -69,7 +72,9 @@ struct Mixing<'a> {
 impl<'a> Mixing<'a> {
     fn new(by: &'a [Vector6<f64>]) -> Self {
         let square: Matrix6<f64> = by.iter().map(|b| b * b.transpose()).sum();
-        let eigen = square.symmetric_eigen();
+        let Some(eigen) = square.try_symmetric_eigen(f64::EPSILON, ROUNDS) else {
+            return Self { by, inner: Matrix6::zeros(), log_det: f64::NAN };
+        };
         let values = eigen.eigenvalues.map(|d| d.max(0.0));
         let root = values.map(|d| (1.0 + d).sqrt());
         let c = root.map(|root| 1.0 / (root * (root + 1.0)));

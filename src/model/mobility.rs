@@ -2,7 +2,7 @@
 
 use super::closure::NotClosed;
 use super::mechanism::{Geometry, Mechanism};
-use super::posture::Posture;
+use super::posture::{ITERATIONS, Posture};
 use nalgebra::{DMatrix, DVector};
 
 /// Ratio of the extreme singular values of the wrench matrix below which home counts as nearly singular.
@@ -156,7 +156,7 @@ fn dependent(columns: &[[f64; 6]]) -> Option<Vec<usize>> {
     for (j, column) in columns.iter().enumerate() {
         a.view_mut((0, j), (6, 1)).copy_from(&DVector::from_column_slice(column));
     }
-    let svd = a.svd(false, true);
+    let svd = a.try_svd(false, true, 5.0 * f64::EPSILON, ITERATIONS)?;
     let v_t = svd.v_t?;
     let largest = svd.singular_values.max();
     let (at, smallest) = svd.singular_values.argmin();

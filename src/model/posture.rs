@@ -14,6 +14,8 @@ use nalgebra::Matrix6;
 pub(super) const LONGEST_STEP: f64 = 0.4;
 /// Reciprocal condition of `Jr` below which a posture counts as singular.
 pub(super) const SINGULAR: f64 = 1e-9;
+/// Most iterations of a decomposition; without a limit one of numbers that are not finite never ends.
+pub(super) const ITERATIONS: usize = 1000;
 
 /// A joint variable with its sine and cosine, which cost more than what is done with them.
 #[derive(Clone, Copy, Debug)]
@@ -154,7 +156,9 @@ impl Posture {
 
     /// Singular values of the wrench matrix `Jr`, descending; the smallest tells how near a singularity is.
     pub fn wrench_singular_values(&self) -> [f64; 6] {
-        let mut s: [f64; 6] = self.wrench_matrix.singular_values().into();
+        // A matrix that is not finite has none: it counts as singular.
+        let svd = self.wrench_matrix.try_svd(false, false, 5.0 * f64::EPSILON, ITERATIONS);
+        let mut s: [f64; 6] = svd.map_or([1.0, 0.0, 0.0, 0.0, 0.0, 0.0], |svd| svd.singular_values.into());
         s.sort_by(|a, b| b.total_cmp(a));
         s
     }
@@ -190,8 +194,10 @@ impl Posture {
 
     /// The platform twist that the wrenches resist least, in words.
     pub fn free_motion(&self) -> String {
-        let svd = self.wrench_matrix.svd(false, true);
-        let Some(v_t) = svd.v_t else { return "in an unknown direction".into() };
+        let svd = self.wrench_matrix.try_svd(false, true, 5.0 * f64::EPSILON, ITERATIONS);
+        let Some((svd, v_t)) = svd.and_then(|svd| Some((svd, svd.v_t?))) else {
+            return "in an unknown direction".into();
+        };
         let row = v_t.row(svd.singular_values.argmin().0);
         let (w, v) = (row.columns(0, 3).norm(), row.columns(3, 3).norm());
         let (kind, part, size) = if w >= v { ("turning about", 0, w) } else { ("sliding along", 3, v) };

@@ -2,11 +2,13 @@
 
 use super::row::{Convention, Row, RowKind, chain};
 use crate::files::Units;
+use crate::files::units::AngleUnit;
 use crate::files::units::LARGEST;
 use crate::formats::Imported;
 use crate::formats::error::{FormatError, Wrong, quoted};
 use crate::formats::xml::listed;
 use csv::StringRecord;
+use std::f64::consts::TAU;
 
 /// Name of the only limb.
 const LIMB: &str = "arm";
@@ -20,7 +22,8 @@ pub fn read(file: &str, text: &str, convention: Convention, units: Units) -> Res
         Convention::Standard => "standard",
         Convention::Modified => "modified",
     };
-    let (chain, notes) = chain(&rows, convention).gathered(units);
+    let (chain, mut notes) = chain(&rows, convention).gathered(units);
+    notes.extend(no_radians(&rows, units));
     Ok(Imported {
         name: None,
         description: format!("Denavit-Hartenberg table, {name} convention; home is the zero of all joints."),
@@ -28,6 +31,20 @@ pub fn read(file: &str, text: &str, convention: Convention, units: Units) -> Res
         mechanism: chain.draw(LIMB, units),
         notes,
     })
+}
+
+/// What to say of angles that no table in radians has.
+fn no_radians(rows: &[Row], units: Units) -> Option<String> {
+    let angles = || rows.iter().flat_map(|row| [(row, "theta", row.theta), (row, "alpha", row.alpha)]);
+    let beyond: Vec<_> = angles().filter(|(_, _, v)| v.abs() > TAU).collect();
+    let (row, column, value) = beyond.first().filter(|_| units.angle == AngleUnit::Radian)?;
+    let name = quoted(&row.name);
+    Some(format!(
+        "{} of {} angles of this table are beyond 2 pi, such as {column} of {name} with {value} rad: angles beyond 2 pi are \
+         not radians; if they are degrees, import with --angle deg",
+        beyond.len(),
+        angles().count()
+    ))
 }
 
 fn rows(file: &str, text: &str, units: Units) -> Result<Vec<Row>, FormatError> {

@@ -13,6 +13,8 @@ use std::ops::Range;
 
 /// Origins that agree to this (rad and m) keep their text.
 const SAME: f64 = 1e-14;
+/// Most iterations of a decomposition of 3 x 3.
+const ITERATIONS: usize = 1000;
 
 /// `text`, the URDF in `file`, with the origins of the chain from `base` to `tool` such that it moves as the machine.
 ///
@@ -92,7 +94,7 @@ fn registration(joints: &[ChainJoint<'_, '_>], machine: &Chain) -> Se3 {
     let mean = |points: &[Vector3<f64>]| points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
     let (centre, target) = (mean(&from), mean(&to));
     let sum: Matrix3<f64> = from.iter().zip(&to).map(|(a, b)| (b - target) * (a - centre).transpose()).sum();
-    let svd = sum.svd(true, true);
+    let Some(svd) = sum.try_svd(true, true, 5.0 * f64::EPSILON, ITERATIONS) else { return Se3::identity() };
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Se3::identity() };
     // One axis alone leaves a turn about it open: the template then stays as it is.
     if svd.singular_values.iter().filter(|s| **s > 1e-9 * svd.singular_values.max()).count() < 2 {

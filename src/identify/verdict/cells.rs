@@ -4,6 +4,9 @@ use crate::calibration::Sample;
 use crate::measure::{Evaluation, View};
 use nalgebra::Matrix3;
 
+/// Most rounds of a decomposition: without a limit one of numbers that are not finite never ends.
+const ROUNDS: usize = 1000;
+
 /// Part of a row's largest entry up to which the others do not count: the row stands for one axis.
 const ALONG: f64 = 0.1;
 
@@ -109,7 +112,7 @@ pub(super) fn kinds(
             (None, &[first, _, last]) if last == first + 2 => {
                 let rows = Matrix3::from_fn(|i, j| part(first + i)[j]);
                 // Noise is least where the rows are largest: singular values descend.
-                match rows.svd(true, false).u {
+                match rows.try_svd(true, false, 5.0 * f64::EPSILON, ROUNDS).and_then(|svd| svd.u) {
                     Some(u) => {
                         turned.push((first, u.transpose()));
                         found.extend((0..3).map(|i| (first + i, quantity, Some(Axis::Principal(i)))));

@@ -6,6 +6,9 @@ use crate::model::{Geometry, Mechanism};
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+/// Most rounds of a decomposition: without a limit one of numbers that are not finite never ends.
+const ROUNDS: usize = 1000;
+
 /// Probability of a residual that a corrected reading leaves, below which it does not explain the row.
 const EXPLAINS: f64 = 1e-3;
 /// Part of the row's chi-square that must be gone, too.
@@ -128,7 +131,7 @@ impl Trial<'_> {
                 moved[i] += DIFFERENCE * unit[i];
                 jac.set_column(c, &((self.residual(&moved)? - &r) / DIFFERENCE));
             }
-            let step = jac.svd(true, true).solve(&-&r, 1e-9).ok()?;
+            let step = jac.try_svd(true, true, 5.0 * f64::EPSILON, ROUNDS)?.solve(&-&r, 1e-9).ok()?;
             let longest = step.amax();
             let mut part = if longest > LONGEST { LONGEST / longest } else { 1.0 };
             let mut next = None;

@@ -1,0 +1,139 @@
+//! The machine fitted to readings within its tolerances: what no such machine explains is what a correction has to.
+
+use super::observed::Observed;
+use super::reading::{Reading, postures};
+use crate::calibration::{Calibration, Sample};
+use crate::identify::registration::{FreeEnds, register};
+use crate::identify::run::placed;
+use crate::identify::score::score;
+use crate::model::{Mechanism, Prior};
+use crate::problem::{Form, Problem};
+use crate::solve::map::Map;
+use crate::solve::{Identifier, Stop};
+use crate::statistics::median;
+
+/// Enough to tell one correction from another.
+const STOP: Stop = Stop { iterations: 8, step: 1e-3, gradient: 1e-6, cost: 1e-3 };
+/// Part of the samples that may be left out because they stand out.
+const LEFT_OUT: f64 = 0.1;
+/// How far they do, in terms of the median sample's residual and of the noise.
+const OUTSTANDING: f64 = 6.0;
+/// Fits, each without the samples that stood out from the one before.
+const ROUNDS: usize = 3;
+
+/// What is left after the fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// Chi-square of residuals, in standard deviations of the noise, and of deviations, in tolerances: on average the
+    /// number of rows where noise and tolerances are as stated.
+    pub square: f64,
+    /// Number of residuals.
+    pub rows: usize,
+    /// Part of the samples that close.
+    pub closed: f64,
+    /// Root mean square error of the positions, m.
+    pub position: Option<f64>,
+    /// Root mean square error of the rotations, rad.
+    pub rotation: Option<f64>,
+    /// Root mean square distance of the positions from their mean, m.
+    pub spread: f64,
+    /// Whether positions or rotations spread as those of a machine that moves.
+    pub moves: bool,
+    /// The larger of the two errors in parts of the spread of what was measured: 1 where nothing is explained.
+    pub relative: f64,
+}
+
+impl Fit {
+    /// Root mean square of residuals and deviations in their standard deviations: 1 where these are as stated.
+    pub fn size(&self) -> f64 {
+        (self.square / self.rows.max(1) as f64).sqrt()
+    }
+}
+
+/// The mechanism with these of its ends free.
+pub(super) fn freed(mechanism: &Mechanism, free: FreeEnds) -> Mechanism {
+    let mut mechanism = mechanism.clone();
+    for limb in &mut mechanism.limbs {
+        let last = limb.links.len().saturating_sub(1);
+        for (k, link) in limb.links.iter_mut().enumerate() {
+            if free.base && k == 0 || free.tool && k == last {
+                (link.tolerance.angle, link.tolerance.length) = (Prior::Free, Prior::Free);
+            }
+        }
+    }
+    mechanism
+}
+
+/// Fits the machine to the readings, these ends freed besides its own; `None` where the readings do not place it, or too
+/// few of them close.
+pub(super) fn fit(mechanism: &Mechanism, data: &[Reading], free: FreeEnds) -> Option<Fit> {
+    let freed = freed(mechanism, free);
+    let all: Option<Vec<Sample>> = data.iter().map(|reading| reading.sample(&freed)).collect();
+    let all = all?;
+    let start = match free {
+        FreeEnds { base: false, tool: false } => placed(&freed, &all)?,
+        _ => register(&freed, &all, FreeEnds::of(&freed))?,
+    }
+    .machine;
+    let observed = Observed::new(mechanism, data, &postures(data), FreeEnds::of(mechanism))?;
+    let mut samples = all.clone();
+    let zero = vec![0.0; start.component_count()];
+    for round in 1..=ROUNDS {
+        let problem = Calibration::new(&start, &samples, Form::Minimal, &zero);
+        let closed = (all.len() - problem.set_aside().len()) as f64 / all.len() as f64;
+        if problem.sample_count() == 0 {
+            return None;
+        }
+        let mut x = problem.coordinates().nearest(&zero);
+        if !x.is_empty() {
+            x = Map::default().identify(&problem, &x, &STOP).x;
+        }
+        let residual = problem.residual(&x).ok()?;
+        let keep = kept(&residual, &problem, &samples, all.len());
+        if round < ROUNDS && keep.len() < samples.len() - problem.set_aside().len() {
+            samples = keep;
+            continue;
+        }
+        let prior: f64 = x.iter().map(|v| v * v).sum();
+        let square = residual.iter().map(|r| r * r).sum::<f64>() + prior;
+        let geometry = start.deviated(&problem.coordinates().deviations(&x));
+        let score = score(&start, &geometry, &samples)?;
+        let (position, rotation) = (score.position.map(|s| s.rms), score.rotation.map(|s| s.rms));
+        let relative = position.map_or(0.0, |v| v / observed.spread[0]);
+        // Rotations that hardly spread cannot be explained, nor need they be.
+        let turned = rotation.map_or(0.0, |v| v / observed.scale[1]);
+        let fit = Fit {
+            square,
+            rows: residual.len(),
+            closed,
+            position,
+            rotation,
+            spread: observed.spread[0],
+            moves: observed.spread.iter().zip(&observed.scale).any(|(spread, scale)| spread >= scale),
+            relative: relative.max(turned),
+        };
+        return square.is_finite().then_some(fit);
+    }
+    None
+}
+
+/// The samples that close and do not stand out.
+fn kept(residual: &[f64], problem: &Calibration<'_>, samples: &[Sample], of: usize) -> Vec<Sample> {
+    let aside: Vec<usize> = problem.set_aside().iter().map(|s| s.sample).collect();
+    let closing: Vec<&Sample> =
+        samples.iter().enumerate().filter(|(k, _)| !aside.contains(k)).map(|(_, s)| s).collect();
+    let blocks = problem.blocks();
+    let sizes: Vec<f64> = blocks
+        .iter()
+        .map(|rows| {
+            let square: f64 = residual[rows.clone()].iter().map(|r| r * r).sum();
+            (square / rows.len().max(1) as f64).sqrt()
+        })
+        .collect();
+    let limit = OUTSTANDING * median(sizes.iter().copied()).unwrap_or(0.0).max(1.0);
+    let far = sizes.iter().filter(|size| **size > limit).count();
+    if far == 0 || far as f64 > LEFT_OUT * of as f64 {
+        return closing.into_iter().cloned().collect();
+    }
+    closing.into_iter().zip(&sizes).filter(|(_, size)| **size <= limit).map(|(s, _)| s.clone()).collect()
+}
