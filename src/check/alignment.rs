@@ -29,6 +29,8 @@ pub(super) struct Alignment {
     pub errors: Vec<(usize, Error)>,
     /// Median error in parts of the spread: 1 where nothing is explained.
     pub misfit: f64,
+    /// Base and tool, what is put in front of the drawing and behind it.
+    pub ends: (Se3, Se3),
 }
 
 impl Alignment {
@@ -43,7 +45,7 @@ impl Alignment {
 pub(super) fn align(predicted: &[Option<Se3>], observed: &Observed, free: FreeEnds) -> Option<Alignment> {
     let free = FreeEnds { tool: free.tool || observed.loose, ..free };
     let [length, angle] = observed.scale;
-    let (known, errors) = match &observed.seen {
+    let (known, ends, errors) = match &observed.seen {
         Seen::Poses(poses) => {
             let both = predicted.iter().zip(poses).enumerate();
             let pairs: Vec<(usize, Se3, Se3)> =
@@ -56,7 +58,7 @@ pub(super) fn align(predicted: &[Option<Se3>], observed: &Observed, free: FreeEn
                 let (w, v) = difference(&(base * *g * tool), m);
                 (*k, [w.x / angle, w.y / angle, w.z / angle, v.x / length, v.y / length, v.z / length])
             };
-            (2.0, pairs.iter().map(error).collect::<Vec<_>>())
+            (2.0, (base, tool), pairs.iter().map(error).collect::<Vec<_>>())
         }
         Seen::Points(points, at) => {
             let both = predicted.iter().zip(points).enumerate();
@@ -65,12 +67,14 @@ pub(super) fn align(predicted: &[Option<Se3>], observed: &Observed, free: FreeEn
             if !enough(pairs.len(), points.iter().flatten().count()) {
                 return None;
             }
-            let (base, at) = of_points(&pairs, *at, free)?;
+            let drawn = *at;
+            let (base, at) = of_points(&pairs, drawn, free)?;
             let error = |(k, g, m): &(usize, Se3, Vector3<f64>)| {
                 let v = (base.r * (g.r * at + g.p) + base.p - m) / length;
                 (*k, [0.0, 0.0, 0.0, v.x, v.y, v.z])
             };
-            (1.0, pairs.iter().map(error).collect())
+            let tool = Se3 { p: at - drawn, ..Se3::identity() };
+            (1.0, (base, tool), pairs.iter().map(error).collect())
         }
     };
     let part = |from: usize| {
@@ -78,7 +82,7 @@ pub(super) fn align(predicted: &[Option<Se3>], observed: &Observed, free: FreeEn
         median(sizes).unwrap_or(0.0)
     };
     let misfit = ((part(0).powi(2) + part(3).powi(2)) / known).sqrt();
-    misfit.is_finite().then_some(Alignment { errors, misfit })
+    misfit.is_finite().then_some(Alignment { errors, misfit, ends })
 }
 
 fn enough(closed: usize, observed: usize) -> bool {

@@ -1,9 +1,11 @@
 //! The machine fitted to readings within its tolerances: what no such machine explains is what a correction has to.
 
+use super::alignment::align;
 use super::observed::Observed;
+use super::prediction::Predictor;
 use super::reading::{Reading, postures};
 use crate::calibration::{Calibration, Sample};
-use crate::identify::registration::{FreeEnds, register};
+use crate::identify::registration::FreeEnds;
 use crate::identify::run::placed;
 use crate::identify::score::score;
 use crate::model::{Mechanism, Prior};
@@ -13,7 +15,7 @@ use crate::solve::{Identifier, Stop};
 use crate::statistics::median;
 
 /// Enough to tell one correction from another.
-const STOP: Stop = Stop { iterations: 8, step: 1e-3, gradient: 1e-6, cost: 1e-3 };
+const STOP: Stop = Stop { iterations: 12, step: 1e-4, gradient: 1e-6, cost: 1e-4 };
 /// Part of the samples that may be left out because they stand out.
 const LEFT_OUT: f64 = 0.1;
 /// How far they do, in terms of the median sample's residual and of the noise.
@@ -70,12 +72,9 @@ pub(super) fn fit(mechanism: &Mechanism, data: &[Reading], free: FreeEnds) -> Op
     let freed = freed(mechanism, free);
     let all: Option<Vec<Sample>> = data.iter().map(|reading| reading.sample(&freed)).collect();
     let all = all?;
-    let start = match free {
-        FreeEnds { base: false, tool: false } => placed(&freed, &all)?,
-        _ => register(&freed, &all, FreeEnds::of(&freed))?,
-    }
-    .machine;
-    let observed = Observed::new(mechanism, data, &postures(data), FreeEnds::of(mechanism))?;
+    let of = postures(data);
+    let observed = Observed::new(mechanism, data, &of)?;
+    let start = started(&freed, data, &all, &of, &observed)?;
     let mut samples = all.clone();
     let zero = vec![0.0; start.component_count()];
     for round in 1..=ROUNDS {
@@ -115,6 +114,32 @@ pub(super) fn fit(mechanism: &Mechanism, data: &[Reading], free: FreeEnds) -> Op
         return square.is_finite().then_some(fit);
     }
     None
+}
+
+/// The machine where its free ends are: as registered, or as aligned, whichever the readings are nearer to.
+fn started(
+    mechanism: &Mechanism,
+    data: &[Reading],
+    samples: &[Sample],
+    of: &[Vec<usize>],
+    observed: &Observed,
+) -> Option<Mechanism> {
+    let free = FreeEnds::of(mechanism);
+    let registered = placed(mechanism, samples).map(|found| found.machine);
+    if !(free.base || free.tool) || observed.loose {
+        return registered;
+    }
+    let first = of.iter().filter_map(|list| data.get(*list.first()?));
+    let variables: Vec<Vec<f64>> = first.map(|reading| reading.variables(mechanism)).collect();
+    let aligned = align(&Predictor::new(mechanism).tools(&variables), observed, free)
+        .map(|found| mechanism.relocated(&found.ends.0, &found.ends.1));
+    let size = |machine: &Mechanism| {
+        score(machine, &machine.nominal(), samples).map_or(f64::INFINITY, |fit| fit.weighted_rms)
+    };
+    match (registered, aligned) {
+        (Some(a), Some(b)) => Some(if size(&b) < size(&a) { b } else { a }),
+        (a, b) => a.or(b),
+    }
 }
 
 /// The samples that close and do not stand out.

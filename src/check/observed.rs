@@ -1,11 +1,10 @@
 //! What was seen of the tool at each posture: its pose, or a point of it.
 //!
-//! Three targets that do not lie on one line give a pose. Where the targets are known, it is that of the tool; else it is
-//! where the first posture's targets went, and the tool counts as free.
+//! Three targets that do not lie on one line give a pose. Where the targets are known, it is that of the tool; where they are
+//! free, it is where the first posture's targets went, and the tool counts as free.
 
 use super::reading::Reading;
 use super::rotation::nearest_rotation;
-use crate::identify::registration::FreeEnds;
 use crate::lie::{Se3, so3};
 use crate::measure::Point;
 use crate::model::{Mechanism, Prior};
@@ -39,18 +38,13 @@ pub(super) struct Observed {
 
 impl Observed {
     /// Of `postures`, lists of indices of `data`.
-    pub fn new(
-        mechanism: &Mechanism,
-        data: &[Reading],
-        postures: &[Vec<usize>],
-        free: FreeEnds,
-    ) -> Option<Self> {
+    pub fn new(mechanism: &Mechanism, data: &[Reading], postures: &[Vec<usize>]) -> Option<Self> {
         let first = |list: &Vec<usize>| list.first().and_then(|k| data.get(*k));
         let (seen, loose) = if data.iter().all(|reading| reading.rotation.is_some()) {
             (Seen::Poses(postures.iter().map(|list| first(list)?.pose()).collect()), false)
         } else {
             let targets = Targets::new(mechanism, data, postures);
-            let loose = targets.loose || free.tool;
+            let loose = targets.loose;
             match targets.poses(loose) {
                 Some(poses) => (Seen::Poses(poses), loose),
                 None => {

@@ -123,7 +123,7 @@ impl<'a> Ranking<'a> {
         });
         observations.par_iter_mut().for_each(|(made, observed)| {
             *observed = applied(self.mechanism, data, &self.corrections(made))
-                .and_then(|changed| Observed::new(self.mechanism, &changed, &of, self.free));
+                .and_then(|changed| Observed::new(self.mechanism, &changed, &of));
         });
         all.into_par_iter()
             .filter_map(|made| {
@@ -140,7 +140,7 @@ impl<'a> Ranking<'a> {
     fn with_homes(&self, data: &[Reading], before: &[Correction]) -> Vec<Ranked> {
         let Some(changed) = applied(self.mechanism, data, before) else { return Vec::new() };
         let of = postures(&changed);
-        let Some(observed) = Observed::new(self.mechanism, &changed, &of, self.free) else {
+        let Some(observed) = Observed::new(self.mechanism, &changed, &of) else {
             return Vec::new();
         };
         let first = of.iter().filter_map(|list| changed.get(*list.first()?));
@@ -190,7 +190,7 @@ impl<'a> Ranking<'a> {
             corrections.iter().enumerate().filter(|(k, _)| *k != at).map(|(_, c)| c.clone()).collect();
         let found = applied(self.mechanism, &some_of(data, LOOKED_AT[0]), &others).and_then(|changed| {
             let of = postures(&changed);
-            let observed = Observed::new(self.mechanism, &changed, &of, self.free)?;
+            let observed = Observed::new(self.mechanism, &changed, &of)?;
             let first = of.iter().filter_map(|list| changed.get(*list.first()?));
             let variables: Vec<Vec<f64>> = first.map(|r| r.variables(self.mechanism)).collect();
             let homes = Homes {

@@ -32,9 +32,11 @@ const CLOSE_TO: f64 = 12.0;
 const AS_CLOSE: f64 = 2.5;
 /// [`Fit::size`] above which noise and tolerances do not explain the data.
 const UNEXPLAINED: f64 = 3.0;
-/// Error, in parts of the spread, below which data count as explained whatever noise and tolerances are stated.
+/// [`Fit::size`] up to which a story explains the data.
+const TOLD: f64 = 2.0;
+/// Misfit, in parts of the spread, that tolerances make anyway.
 const CLOSE: f64 = 2e-3;
-/// The same where no noise is stated.
+/// Error, in parts of the spread, up to which a story explains data whose noise is not stated.
 const CLOSE_UNSTATED: f64 = 1e-2;
 /// Error, in parts of the spread, above which they never do.
 const FAR: f64 = 0.03;
@@ -43,9 +45,9 @@ const CLOSED: f64 = 0.8;
 /// Factor by which a correction must lower the size of a fit,
 const FACTOR: f64 = 4.0;
 /// or what it must take off chi-square where the rest is as small as noise and tolerances make it,
-const GAIN: f64 = 60.0;
+const GAIN: f64 = 20.0;
 /// and more for every number that it fits.
-const GAIN_PER_NUMBER: f64 = 10.0;
+const GAIN_PER_NUMBER: f64 = 6.0;
 /// [`Fit::size`] of such a rest.
 const SMALL: f64 = 1.5;
 /// Chi-square by which a story must be better than another one, in units of what is left.
@@ -259,7 +261,7 @@ struct Judge {
 impl Judge {
     fn explains(&self, fit: &Fit) -> bool {
         let small = match self.stated {
-            true => fit.size() <= UNEXPLAINED || fit.relative <= CLOSE,
+            true => fit.size() <= TOLD,
             false => fit.relative <= CLOSE_UNSTATED,
         };
         small && fit.moves && fit.relative <= FAR && fit.closed >= CLOSED
@@ -271,7 +273,9 @@ impl Judge {
         let per_row = |fit: &Fit| fit.square / fit.rows.max(1) as f64;
         let gain = (per_row(none) - per_row(fit)) * fit.rows as f64;
         none.size() >= FACTOR * fit.size()
-            || self.stated && fit.size() <= SMALL && gain >= GAIN + GAIN_PER_NUMBER * story.fitted() as f64
+            || self.stated
+                && fit.size() <= SMALL
+                && gain >= (GAIN + GAIN_PER_NUMBER * story.fitted() as f64) * fit.size().max(1.0).powi(2)
     }
 
     fn accepts(&self, story: &Story) -> bool {
@@ -321,7 +325,7 @@ fn unplaced(mechanism: &Mechanism, data: &[Reading]) -> bool {
     if !free.base {
         return false;
     }
-    let Some(observed) = Observed::new(mechanism, data, &postures(data), free) else { return true };
+    let Some(observed) = Observed::new(mechanism, data, &postures(data)) else { return true };
     let places: Vec<Vector3<f64>> = match &observed.seen {
         Seen::Poses(_) if observed.spread[1] > HARDLY => return false,
         Seen::Poses(poses) => poses.iter().flatten().map(|pose| pose.p).collect(),
