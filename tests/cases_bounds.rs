@@ -9,6 +9,7 @@ use gough::files::{DataPlaces, ProblemFile, read_problem};
 use gough::identify::{Identification, identify};
 use gough::linalg;
 use gough::problem::{Form, Problem};
+use gough::simulate::close;
 use gough::solve::{Stop, registry};
 
 /// Half the distance over which rows are differenced, tolerances.
@@ -69,8 +70,6 @@ struct Conditions {
     relative: f64,
     /// Largest distance beyond a limit, tolerances.
     beyond: f64,
-    /// Largest deviation, tolerances.
-    largest: f64,
 }
 
 fn size(v: &[f64]) -> f64 {
@@ -179,7 +178,7 @@ fn conditions(problem: &ProblemFile, found: &Identification, asked: &Asked) -> C
             relative = relative.max(gradient[i].abs() / terms);
         }
     }
-    Conditions { value, gradient: left, relative, beyond, largest: x.iter().fold(0.0, |a, b| a.max(b.abs())) }
+    Conditions { value, gradient: left, relative, beyond }
 }
 
 /// Runs `name`, prints what came of it, and returns it with its conditions.
@@ -197,22 +196,6 @@ fn checked(path: &str, name: &str, settings: &[(&str, &str)]) -> (Identification
         report.kkt
     );
     (found, conditions)
-}
-
-#[test]
-fn scratch() {
-    let Ok(jobs) = std::env::var("SCAN") else { return };
-    for job in jobs.split(',') {
-        let mut parts = job.split(';');
-        let path = parts.next().unwrap();
-        let all: Vec<(&str, &str)> = parts.map(|p| p.split_once('=').unwrap()).collect();
-        let name = all.iter().find(|(k, _)| *k == "solver").map_or("conic-bounded", |(_, v)| v);
-        let settings: Vec<(&str, &str)> = all.into_iter().filter(|(k, _)| *k != "solver").collect();
-        let (found, _) = checked(path, name, &settings);
-        if std::env::var("TRACE").is_ok() {
-            found.trace.iter().for_each(|t| println!("   {:.12e} {:.3e}", t.cost, t.step));
-        }
-    }
 }
 
 /// Five joints, sixty thousandths of noise: the data decide everything, no prior has a say.
@@ -236,9 +219,81 @@ fn within_limits_the_projected_gradient_of_the_squares_is_zero() {
 #[test]
 fn limits_exclude_a_machine_only_if_no_description_of_it_fits() {
     let path = "tests/data/cases/bounds/bounds-gauge.json";
-    let unlimited = checked(path, "minimal", &[]);
+    let (_, unlimited) = checked(path, "minimal", &[]);
     let (found, conditions) = checked(path, "conic-bounded", &[]);
+    assert!(unlimited.beyond > 1.0, "limits must bind: {unlimited:?}");
     assert!(found.report.outcome.converged() && conditions.beyond < 1e-9);
     assert!(conditions.relative < 1e-6, "{conditions:?}");
-    assert!(conditions.value < 1.005 * unlimited.1.value, "{conditions:?}");
+    assert!(conditions.value < 1.005 * unlimited.value, "{conditions:?}");
+}
+
+/// The same programs, solved by SciPy with kinematics of its own (tests/generate/bounded.py).
+#[test]
+fn scipy_finds_the_same() {
+    let solved = support::json(&support::file("tests/data/cases/bounds/scipy.json"));
+    for solved in solved.as_array().unwrap() {
+        let path = solved["problem"].as_str().unwrap();
+        let limit = |key: &str| solved[key].as_f64().map(|v| (key.to_owned(), v.to_string()));
+        let limits: Vec<(String, String)> = ["bounds", "cone"].into_iter().filter_map(limit).collect();
+        let settings: Vec<(&str, &str)> = limits.iter().map(|(k, v)| (k.as_str(), v.as_str())).collect();
+        let (found, conditions) = checked(path, "conic-bounded", &settings);
+        let value = solved["value"].as_f64().unwrap();
+        assert!((conditions.value / value - 1.0).abs() < 1e-7, "{path}: {} and {value}", conditions.value);
+        let samples = problem(path).data.samples;
+        for (sample, position) in samples.iter().zip(solved["positions"].as_array().unwrap()) {
+            let tool = close(&found.start, &found.geometry, &sample.actuators).unwrap().tool();
+            let apart = size(&[0, 1, 2].map(|i| tool.p[i] - position[i].as_f64().unwrap()));
+            assert!(apart < 1e-7, "{path}: {apart:e} m apart");
+        }
+    }
+}
+
+fn all_meet_their_conditions(jobs: &[(&str, &str, &[(&str, &str)])]) {
+    for (path, name, settings) in jobs {
+        let (found, conditions) = checked(path, name, settings);
+        assert!(found.report.outcome.converged(), "{path} {name} {settings:?}: {}", found.report.outcome);
+        assert!(conditions.relative < 1e-6, "{path} {name} {settings:?}: {conditions:?}");
+        assert!(conditions.beyond < 1e-9 && found.report.kkt.unwrap() < 1e-6);
+    }
+}
+
+#[test]
+fn arms_meet_their_conditions() {
+    all_meet_their_conditions(&[
+        ("problems/serial-puma560.json", "conic-bounded", &[("bounds", "0.8")]),
+        ("problems/serial-puma560.json", "conic-huber", &[]),
+        ("tests/data/cases/bounds/bounded-arm-5r.json", "conic-bounded", &[("cone", "1.6")]),
+        ("problems/serial-scara.json", "conic-bounded", &[("cone", "1.2")]),
+        ("problems/serial-scara.json", "conic-lasso", &[("weight", "10")]),
+        ("problems/serial-kuka-lbr.json", "conic-bounded", &[("bounds", "1")]),
+        ("problems/serial-stanford.json", "conic-group-lasso", &[("weight", "30")]),
+        ("problems/serial-stanford.json", "conic-ridge", &[("bounds", "1")]),
+    ]);
+}
+
+#[test]
+fn a_tripod_meets_its_conditions() {
+    all_meet_their_conditions(&[
+        ("problems/tripod-3rps.json", "conic-huber", &[]),
+        ("problems/tripod-3rps.json", "conic-ridge", &[]),
+    ]);
+}
+
+#[test]
+#[ignore = "minutes: closed loops under every limit, penalty and loss"]
+fn closed_loops_meet_their_conditions() {
+    all_meet_their_conditions(&[
+        ("problems/tripod-3rps.json", "conic-bounded", &[("bounds", "1.5")]),
+        ("problems/tripod-3rps.json", "conic-bounded", &[("cone", "1.5")]),
+        ("problems/tripod-3prs.json", "conic-bounded", &[("bounds", "1.5")]),
+        ("problems/tripod-3prs.json", "conic-lasso", &[("weight", "3")]),
+        ("problems/delta-3puu.json", "conic-bounded", &[("bounds", "1.2")]),
+        ("problems/delta-3puu.json", "conic-group-lasso", &[("weight", "3")]),
+        ("problems/delta-3puu.json", "conic-huber", &[("bounds", "2"), ("delta", "3")]),
+        ("problems/tripod-3rrs.json", "conic-bounded", &[("bounds", "1.5"), ("cone", "2")]),
+        ("problems/hexapod-6ups.json", "conic-bounded", &[("bounds", "1.5")]),
+        ("problems/hexapod-6pus.json", "conic-bounded", &[("cone", "2")]),
+        ("problems/hexapod-6ups.json", "conic-huber", &[]),
+        ("problems/hexapod-6rus.json", "conic-bounded", &[("bounds", "2")]),
+    ]);
 }

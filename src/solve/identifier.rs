@@ -73,6 +73,12 @@ pub trait Identifier: Send + Sync {
         Form::Minimal
     }
 
+    /// Whether no prediction depends on how {S} and the x axes of joint frames are turned: whether it looks at no single
+    /// component of a deviation or of a residual. Bounds of single components in a problem do that besides.
+    fn frame_free(&self) -> bool {
+        true
+    }
+
     /// Changes a setting; the default has none.
     fn set(&mut self, key: &str, _value: &str) -> Result<(), SettingError> {
         Err(SettingError::Unknown { solver: self.name(), key: key.into(), known: String::new() })

@@ -191,6 +191,11 @@ impl Identifier for Conic {
         Form::Complete
     }
 
+    fn frame_free(&self) -> bool {
+        let Options { loss, regulariser, bounds, .. } = self.options;
+        loss != "minimax" && regulariser != Regulariser::Lasso && bounds == f64::INFINITY
+    }
+
     fn set(&mut self, key: &str, value: &str) -> Result<(), SettingError> {
         self.options.set(self.name, key, value)
     }
