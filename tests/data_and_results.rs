@@ -7,8 +7,8 @@ use gough::files::noise::{NoiseDrawing, assumed_noise};
 use gough::files::problem::{PROBLEM_FORMAT, ProblemDrawing, parse_model, parse_problem};
 use gough::files::result::RESULT_FORMAT;
 use gough::files::summary::{
-    BeforeAfter, CauseEntry, ChiSquare, Counts, Deviation, EstimateEntry, GroupEntry, LinkResult, PoseErrors,
-    SourceEntry, ToleranceFactor, TraceEntry,
+    BeforeAfter, CauseEntry, ChiSquare, Counts, Deviation, EstimateEntry, GroupEntry, LinkResult,
+    MountResult, PoseErrors, SourceEntry, ToleranceFactor, TraceEntry,
 };
 use gough::files::{DataDrawing, ProblemFile, ResultFile, SampleDrawing, Units, json, read_problem, redraw};
 use gough::lie::{Se3, so3};
@@ -187,10 +187,18 @@ fn result(read: &ProblemFile) -> ResultFile {
         singular_values: vec![2.0, 1.0],
         trace: vec![TraceEntry { cost: f64::INFINITY, step: 3.0, kept: Some(2) }],
         instrument: Vec::new(),
+        placement: Some(MountResult {
+            position: [1.0 / 3.0, 2.0, -1e-17],
+            rotation: [0.1, 0.2, 0.3],
+            std: Some(Deviation::of(&d, Units::SI)),
+        }),
+        tool_mounting: Some(MountResult { position: [0.0; 3], rotation: [0.0; 3], std: None }),
         links: vec![LinkResult {
             limb: "limb1".into(),
             link: "ball.2".into(),
             deviation: Deviation::of(&d, Units::SI),
+            beside: Some(Deviation::of(&d, Units::SI)),
+            beside_std: None,
             std: None,
             scaled_std: Some(Deviation { rotation: [1e-3, 2e-3, 4e-3], translation: [0.5, 0.25, 0.125] }),
             prior_share: Some(Deviation { rotation: [0.0, 0.5, 1.0], translation: [0.25, 1e-3, 0.125] }),

@@ -10,7 +10,7 @@ use gough::files::{
 use gough::identify::identify;
 use gough::lie::{Se3, so3};
 use gough::measure::Pose;
-use gough::model::{Mechanism, Prior, Tolerance};
+use gough::model::{Ends, Mechanism, Prior, Tolerance};
 use gough::simulate::close;
 use gough::solve::Stop;
 use gough::solve::minimal::Minimal;
@@ -187,7 +187,8 @@ fn with_limbs_in_another_order() {
         let samples: Vec<Sample> =
             case.samples.iter().map(|s| Sample { actuators: reorder(&s.actuators), ..s.clone() }).collect();
         let fresh: Vec<Vec<f64>> = case.fresh.iter().map(|q| reorder(q)).collect();
-        let (poses, _) = predicted(&Mechanism { limbs, instrument: Vec::new() }, &samples, &fresh);
+        let (poses, _) =
+            predicted(&Mechanism { limbs, instrument: Vec::new(), ends: Ends::default() }, &samples, &fresh);
         assert_same(&case, "limbs reordered", &poses);
     }
 }

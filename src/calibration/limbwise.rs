@@ -11,7 +11,7 @@ use super::sample::Sample;
 use crate::lie::Se3;
 use crate::linalg::{RowBlock, RowStream, dot};
 use crate::measure::{Evaluation, Row, View};
-use crate::model::{Geometry, Mechanism, Posture, Turn};
+use crate::model::{Ends, Geometry, Mechanism, Posture, Turn};
 use crate::problem::{Compressed, EvalError, Linearized, Param, Problem};
 use crate::wide::narrow;
 use faer::{Mat, MatRef};
@@ -83,7 +83,11 @@ impl<'a> LimbProblem<'a> {
         i: usize,
         starts: Vec<LimbStart<'a>>,
     ) -> Self {
-        let mechanism = Mechanism { limbs: vec![mechanism.limbs[i].clone()], instrument: Vec::new() };
+        let mechanism = Mechanism {
+            limbs: vec![mechanism.limbs[i].clone()],
+            instrument: Vec::new(),
+            ends: Ends::default(),
+        };
         let coordinates = coordinates.of_limb(i);
         let params = coordinates.params(&mechanism);
         let home = Posture::new(&mechanism);
@@ -192,6 +196,9 @@ fn add(sum: &mut [f64; 6], factor: f64, v: &[f64; 6]) {
 impl Calibration<'_> {
     /// Every limb by itself with the coordinates that are its own, where every posture was measured as a whole pose.
     pub fn limbs(&self) -> Option<Vec<(LimbProblem<'_>, Range<usize>)>> {
+        if self.coordinates.shares_motions() {
+            return None;
+        }
         let by_posture = self.starts.taking.iter().map(|start| {
             let count = 1 + start.others.len();
             start.samples().map(|sample| WholePose::of(sample, count)).collect::<Option<Vec<_>>>()

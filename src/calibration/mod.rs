@@ -11,6 +11,7 @@ mod redundancy;
 pub mod representative;
 pub mod rows;
 pub mod sample;
+mod shared;
 mod starts;
 mod structural;
 mod transforms;

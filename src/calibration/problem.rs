@@ -207,6 +207,12 @@ impl<'a> Calibration<'a> {
         let mut out = Mat::zeros(a.nrows(), self.coordinates.count());
         for (limb, transform) in self.coordinates.blocks().zip(transforms) {
             let columns = a.get(.., limb.slice_offset..limb.slice_offset + limb.slice.len());
+            if transform.ncols() != limb.count {
+                // Motions that limbs share are coordinates of all of them.
+                let mut all = out.as_mut().subcols_mut(0, transform.ncols());
+                all += columns * transform;
+                continue;
+            }
             out.as_mut().subcols_mut(limb.offset, limb.count).copy_from(columns * transform);
         }
         narrow();
@@ -300,7 +306,7 @@ impl Problem for Calibration<'_> {
     }
 
     fn representative(&self, x: &[f64]) -> Option<Representative> {
-        if self.coordinates.form != Form::Complete {
+        if self.coordinates.form != Form::Complete || self.coordinates.shares_motions() {
             return None;
         }
         let minimal = self.minimal.get_or_init(|| Coordinates::new(self.mechanism, Form::Minimal));

@@ -10,7 +10,8 @@ use super::coordinates::{Coordinates, LimbCoordinates};
 use crate::lie::Se3;
 use crate::lie::se3::{self, Twist};
 use crate::linalg;
-use crate::model::{Geometry, Limb, Mechanism, Posture};
+use crate::model::{Ends, Geometry, Limb, Mechanism, Posture};
+use crate::problem::Form;
 use faer::Mat;
 use nalgebra::Vector3;
 
@@ -33,12 +34,19 @@ impl Coordinates {
 
     /// The structural count of the machine, constants of the instrument included.
     pub fn structural_count(&self, mechanism: &Mechanism) -> usize {
+        if self.shared.is_some() {
+            // Limbs do not count by themselves; what is redundant was left out by rank.
+            return Coordinates::new(mechanism, Form::Minimal).count();
+        }
         self.structural_counts(mechanism).iter().sum::<usize>() + self.instrument.count
     }
 
     /// Orthonormal basis (count x k; complete coordinates) of all that no pose tells apart near this geometry, to some
     /// thousandths: the redundancy (17)-(21), and what held links hide besides.
     pub fn structural_null(&self, mechanism: &Mechanism, geometry: &Geometry) -> Mat<f64> {
+        if self.shared.is_some() {
+            return self.redundant(mechanism, geometry, &geometry.deviations_from(&mechanism.nominal()));
+        }
         let length = mechanism.characteristic_length();
         let counts = self.structural_counts(mechanism);
         let total = self.limbs.iter().zip(&counts).map(|(own, count)| own.free.len() - count).sum();
@@ -104,7 +112,7 @@ fn rows(limb: &Limb, own: &LimbCoordinates, links: &[Se3], size: f64, length: f6
         *link = *link * se3::exp(&d);
     }
     let geometry = Geometry { limbs: vec![deviated], instrument: Vec::new() };
-    let machine = Mechanism { limbs: vec![limb], instrument: Vec::new() };
+    let machine = Mechanism { limbs: vec![limb], instrument: Vec::new(), ends: Ends::default() };
     let mut posture = Posture::new(&machine);
     let postures = 2 * free.len().div_ceil(rows_each.max(1)) + 4;
     let mut rows = Mat::zeros(postures * rows_each, free.len());

@@ -2,6 +2,7 @@
 
 use super::coordinates::{Coordinates, LimbCoordinates};
 use super::redundancy::redundancy_of;
+use super::shared::Shared;
 use crate::lie::Se3;
 use crate::lie::se3::{self, Twist};
 use crate::linalg;
@@ -18,7 +19,12 @@ impl Coordinates {
         let mut out = Vec::with_capacity(self.limbs.len());
         for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
             let size = limb.sigma.len();
-            let twists = self.body_twists(limb, &d[start..start + size]);
+            let mut twists = self.body_twists(limb, &d[start..start + size]);
+            if let Some(shared) = &self.shared {
+                let motions =
+                    moved(&shared.lift.get(start..start + size, ..).to_owned(), &d[start..start + size]);
+                twists = shared.by_all(limb, &twists, &motions);
+            }
             out.push(limb.in_slice_alone(drawn, links, &twists));
             start += size;
         }
@@ -37,6 +43,7 @@ impl Coordinates {
     ) -> Vec<f64> {
         let mut start = 0;
         let mut out = Vec::with_capacity(self.count());
+        let mut by_motions = vec![0.0; self.shared.as_ref().map_or(0, Shared::count)];
         for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
             let part = &by_slice[limb.slice_offset..limb.slice_offset + limb.slice.len()];
             let mut by_twist = limb.by_every_component(drawn, links, part);
@@ -46,9 +53,20 @@ impl Coordinates {
                     by_twist.copy_from_slice(right.tr_mul(&Twist::from_column_slice(by_twist)).as_slice());
                 }
             }
+            if let Some(shared) = &self.shared {
+                let lift = shared.lift.get(start..start + by_twist.len(), ..);
+                let own = linalg::mul_transpose(lift, &by_twist);
+                by_motions.iter_mut().zip(own).for_each(|(sum, by)| *sum += by);
+            }
             let by_u: Vec<f64> = limb.free.iter().map(|&i| by_twist[i] * self.unit(limb, i)).collect();
             out.extend(linalg::mul_transpose(limb.basis.as_ref(), &by_u));
             start += limb.sigma.len();
+        }
+        if let Some(shared) = &self.shared {
+            out.extend(by_motions);
+            if let Some(gauge) = &shared.gauge {
+                out = linalg::mul_transpose(gauge.as_ref(), &out);
+            }
         }
         let constants = &by_slice[self.instrument.slice_offset..];
         out.extend(
@@ -83,11 +101,11 @@ impl Coordinates {
         if self.form == Form::Minimal {
             return Mat::zeros(self.count(), 0);
         }
-        let k: usize = self.limbs.iter().map(|limb| limb.pivots.len()).sum();
+        let k: usize = self.limbs.iter().map(|limb| limb.redundant).sum();
         let mut out = Mat::zeros(self.count(), k);
         let (mut start, mut column) = (0, 0);
         for ((limb, drawn), links) in self.limbs.iter().zip(&mechanism.limbs).zip(&geometry.limbs) {
-            let mut null = redundancy_of(drawn, links, &limb.sigma, limb.pivots.len());
+            let mut null = redundancy_of(drawn, links, &limb.sigma, limb.redundant);
             for (link, d) in d[start..start + limb.sigma.len()].chunks_exact(6).enumerate() {
                 // Body twists back to deviations, the inverse of the right Jacobian.
                 let back = se3::left_jacobian_inverse(&-Twist::from_column_slice(d));
@@ -102,7 +120,7 @@ impl Coordinates {
                 null[(limb.free[i], j)] / self.unit(limb, limb.free[i])
             });
             let orthonormal = inside.qr().compute_thin_Q();
-            for j in 0..limb.pivots.len() {
+            for j in 0..limb.redundant {
                 for i in 0..limb.count {
                     out[(limb.offset + i, column)] = orthonormal[(i, j)];
                 }
@@ -110,8 +128,24 @@ impl Coordinates {
             }
             start += limb.sigma.len();
         }
-        out
+        match &self.shared {
+            Some(shared) => shared.with_redundancy(&self.limbs, out, |limb, i| self.unit(limb, i)),
+            None => out,
+        }
     }
+}
+
+/// Body twists of links for deviations, a column each, at deviations `d`: right Jacobians, link by link.
+fn moved(deviations: &Mat<f64>, d: &[f64]) -> Mat<f64> {
+    let mut out = deviations.clone();
+    for (link, d) in d.chunks_exact(6).enumerate() {
+        let turn = se3::right_jacobian(&Twist::from_column_slice(d));
+        for j in 0..out.ncols() {
+            let turned = turn * Twist::from_fn(|i, _| deviations[(6 * link + i, j)]);
+            (0..6).for_each(|i| out[(6 * link + i, j)] = turned[i]);
+        }
+    }
+    out
 }
 
 impl LimbCoordinates {
@@ -152,7 +186,7 @@ impl LimbCoordinates {
     /// Per pivot the redundant twist that has 1 there and 0 at the other pivots, to rounding, as it is in the slice. NaN
     /// where there is none.
     fn stand_ins(&self, limb: &Limb, links: &[Se3]) -> Vec<Vec<f64>> {
-        let null = redundancy_of(limb, links, &self.sigma, self.pivots.len());
+        let null = redundancy_of(limb, links, &self.reach, self.pivots.len());
         let mut twists: Vec<Vec<f64>> = (0..null.ncols()).map(|j| null.col_as_slice(j).to_vec()).collect();
         wide(
             #[inline(always)]

@@ -2,8 +2,9 @@
 
 use super::summary::Summary;
 use super::wording::counted;
+use crate::files::summary::{Deviation, MountResult};
 use crate::identify::score::Spread;
-use crate::identify::{Fit, Variance};
+use crate::identify::{Fit, Mount, Mounts, Variance};
 use crate::model::Quantity;
 
 /// Deviations shown, and postures and bounds of a kind.
@@ -79,6 +80,31 @@ pub(super) fn other_errors(of: &Summary<'_>) -> String {
     text
 }
 
+/// Where free ends were found, with their standard errors.
+pub(super) fn mounts(of: &Summary<'_>) -> String {
+    let units = of.problem.units;
+    let triple = |v: [f64; 3]| v.map(digits).join(", ");
+    let line = |name: &str, mount: &Option<Mount>| {
+        let Some(mount) = mount else { return String::new() };
+        let found = MountResult::of(&mount.pose, mount.std.as_ref(), units);
+        let error = |of: fn(&Deviation) -> [f64; 3]| {
+            found.std.as_ref().map_or(String::new(), |std| format!(" +- [{}]", triple(of(std))))
+        };
+        format!(
+            "{name:12}position [{}]{} {}; rotation [{}]{} {}\n",
+            triple(found.position),
+            error(|std| std.translation),
+            units.length_symbol(),
+            triple(found.rotation),
+            error(|std| std.rotation),
+            units.angle_symbol()
+        )
+    };
+    let Mounts { placement, tool_mounting } = &of.mounts;
+    let text = line("placement", placement) + &line("tool mounted", tool_mounting);
+    if text.is_empty() { text } else { format!("\n{text}") }
+}
+
 /// The instrument's constants.
 pub(super) fn instrument(of: &Summary<'_>) -> String {
     let constants = of.instrument();
@@ -129,7 +155,12 @@ pub(super) fn largest(of: &Summary<'_>) -> String {
         };
         let shown = |v: f64| digits(if i < 3 { units.from_radians(v) } else { units.from_metres(v) });
         let variance = found.variances.as_ref().and_then(|all| all.get(index));
-        let error = variance.map_or(String::new(), |v| format!(" +- {}", shown(v.total.sqrt())));
+        let beside = of.mounts.links().find(|beside| beside.link == index / 6);
+        let std = match beside {
+            Some(beside) => beside.std.map(|std| std[i]),
+            None => variance.map(|v| v.total.sqrt()),
+        };
+        let error = std.map_or(String::new(), |std| format!(" +- {}", shown(std)));
         let source = match variance.map(Variance::prior_share) {
             Some(share) if share > 0.9 => ", error: tolerance",
             Some(share) if share > 0.1 => ", error: tolerance and data",

@@ -11,7 +11,7 @@ use crate::calibration::{ByPosture, Sample};
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
 use crate::identify::score::{score, set_aside};
 use crate::identify::{
-    Fit, Folds, Identification, IdentifyError, Judged, NoiseEstimate, believed, cross_validate, identify,
+    Fit, Folds, Identification, IdentifyError, Judged, Mounts, NoiseEstimate, believed, cross_validate, identify,
     identify_without_noise, judge,
 };
 use crate::measure::Clue;
@@ -165,6 +165,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             })
             .collect(),
         problem: &problem,
+        mounts: Mounts::of(&problem.mechanism, &found),
         repeated: repeated(&training),
         shared: shared(&training, &holdout),
         holdout_set_aside,

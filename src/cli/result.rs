@@ -8,7 +8,7 @@ use crate::files::place::Place;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
     ActiveBoundEntry, BeforeAfter, ConstantResult, Counts, CrossValidationEntry, Deviation, LinkResult,
-    PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry,
+    MountResult, PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry,
 };
 use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Variance};
@@ -128,6 +128,13 @@ impl Summary<'_> {
                 .map(|t| TraceEntry { cost: t.cost, step: t.step, kept: t.kept })
                 .collect(),
             instrument: self.instrument(),
+            placement: self
+                .mounts
+                .placement
+                .as_ref()
+                .map(|m| MountResult::of(&m.pose, m.std.as_ref(), units)),
+            tool_mounting: (self.mounts.tool_mounting.as_ref())
+                .map(|m| MountResult::of(&m.pose, m.std.as_ref(), units)),
             links: self.links(),
             uncertainty: self.uncertainty(&mechanism),
             mechanism,
@@ -158,10 +165,13 @@ impl Summary<'_> {
             };
             let Some(deviation) = six(&self.found.deviations).map(rounded) else { continue };
             let std = std.as_deref().and_then(six).map(rounded);
+            let beside = self.mounts.links().find(|beside| beside.link == k);
             links.push(LinkResult {
                 limb: limb.clone(),
                 link: link.clone(),
                 deviation: Deviation::of(&deviation, self.problem.units),
+                beside: beside.map(|b| Deviation::of(&b.deviation, self.problem.units)),
+                beside_std: beside.and_then(|b| b.std).map(|std| Deviation::of(&std, self.problem.units)),
                 std: std.map(|std| Deviation::of(&std, self.problem.units)),
                 scaled_std: scaled
                     .as_deref()

@@ -1,10 +1,10 @@
 //! The report of one identification: its summary for people.
 
-use super::details::{digits, instrument, largest, other_errors, unused};
+use super::details::{digits, instrument, largest, mounts, other_errors, unused};
 use super::wording::counted;
 use crate::calibration::SetAside;
 use crate::files::ProblemFile;
-use crate::identify::{CrossValidation, Fit, Identification, Judgement, NoiseEstimate};
+use crate::identify::{CrossValidation, Fit, Identification, Judgement, Mounts, NoiseEstimate};
 use crate::model::Prior;
 use crate::solve::Identifier;
 
@@ -32,6 +32,8 @@ pub struct Summary<'a> {
     pub judgement: Judgement,
     /// Prediction of postures without them, where it was asked for.
     pub cross_validation: Option<CrossValidation>,
+    /// Where free ends were found.
+    pub mounts: Mounts,
     /// The identifier.
     pub identifier: &'a dyn Identifier,
     /// Part of the samples held out by choice, and the seed of the choice.
@@ -45,15 +47,16 @@ impl Summary<'_> {
         (pair.0, pair.1.filter(|_| !stayed))
     }
 
-    /// Deviation components with a stated tolerance: in tolerances, in rad or m, index, axis, and the link's name.
+    /// Deviation components with a stated tolerance, beside placement and tool mounting: in tolerances, in rad or m, index, axis, and the link's name.
     pub(super) fn components(&self) -> Vec<(f64, f64, usize, usize, String)> {
         let mut components = Vec::new();
         let mut index = 0;
+        let deviations = self.mounts.beside(&self.found.deviations);
         for limb in &self.found.start.limbs {
             for link in &limb.links {
                 for i in 0..6 {
                     let prior = if i < 3 { link.tolerance.angle } else { link.tolerance.length };
-                    if let (Prior::Sigma(sigma), Some(&d)) = (prior, self.found.deviations.get(index)) {
+                    if let (Prior::Sigma(sigma), Some(&d)) = (prior, deviations.get(index)) {
                         components.push((d / sigma, d, index, i, format!("{}.{}", limb.name, link.name)));
                     }
                     index += 1;
@@ -154,6 +157,7 @@ pub fn summary(of: &Summary<'_>) -> String {
     }
     text.push_str(&of.residual_line());
     text.push_str(&super::tolerances::line(of));
+    text.push_str(&mounts(of));
     text.push_str(&unused(of));
     text.push_str(&other_errors(of));
     text.push_str(&instrument(of));

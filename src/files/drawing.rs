@@ -24,6 +24,12 @@ pub struct MechanismDrawing {
     /// Of the last link of each limb.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tool_bounds: Option<BoundsDrawing>,
+    /// Of one rigid motion in front of every first link: where the whole machine stands in {S}.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placement: Option<ToleranceDrawing>,
+    /// Of one rigid motion behind every last link: how the tool is mounted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tool_mounting: Option<ToleranceDrawing>,
     /// The limbs.
     pub limbs: Vec<LimbDrawing>,
 }

@@ -199,7 +199,10 @@ pub enum Fault {
     NoColumn { wanted: String, found: String },
     #[error("two columns are called {0}")]
     TwoColumns(String),
-    #[error("the column {0} is named twice; each value has a column of its own")]
+    #[error(
+        "the column {0} is named twice; each value has a column of its own: where one reading drives several joints, \
+         copy its column in the table, once for each of them, under names of their own"
+    )]
     ColumnTwice(String),
     #[error("unknown column {found}; {expected}")]
     UnknownColumn { found: String, expected: String },

@@ -8,7 +8,7 @@ use super::place::Place;
 use super::tolerance::{BoundsDrawing, ToleranceDrawing};
 use super::units::Units;
 use crate::lie::Se3;
-use crate::model::{Limb, Link, Mechanism, Prior, Tolerance};
+use crate::model::{Ends, Limb, Link, Mechanism, Prior, Tolerance};
 use std::collections::HashSet;
 
 /// Name of the last link of a limb.
@@ -88,7 +88,14 @@ impl MechanismDrawing {
             check_name(&name, &mut names, &here)?;
             limbs.push(drawing.read(&name, &general, units, &mut without_tolerance, &here)?);
         }
-        let mechanism = Mechanism { limbs, instrument: Vec::new() };
+        let end = |end: &Option<ToleranceDrawing>, key: &str| {
+            end.map(|tolerance| tolerance.read(units, &at.key(key))).transpose()
+        };
+        let ends = Ends {
+            placement: end(&self.placement, "placement")?,
+            tool_mounting: end(&self.tool_mounting, "tool_mounting")?,
+        };
+        let mechanism = Mechanism { limbs, instrument: Vec::new(), ends };
         if mechanism.actuator_count() == 0 {
             return Err(at.error(Fault::NoActuator));
         }

@@ -41,6 +41,8 @@ pub fn redraw(mechanism: &Mechanism, geometry: &Geometry, units: Units) -> Mecha
         tool_tolerance: None,
         bounds: None,
         tool_bounds: None,
+        placement: mechanism.ends.placement.map(|t| ToleranceDrawing::of(&t, units)),
+        tool_mounting: mechanism.ends.tool_mounting.map(|t| ToleranceDrawing::of(&t, units)),
         limbs,
     }
 }
@@ -91,6 +93,7 @@ impl MechanismDrawing {
     /// The same machine without tolerances and bounds, as a truth or a measured machine is stated.
     pub fn without_priors(mut self) -> Self {
         (self.tolerance, self.tool_tolerance, self.bounds, self.tool_bounds) = (None, None, None, None);
+        (self.placement, self.tool_mounting) = (None, None);
         for limb in &mut self.limbs {
             (limb.tolerance, limb.tool_tolerance, limb.bounds, limb.tool_bounds) = (None, None, None, None);
             for joint in &mut limb.joints {

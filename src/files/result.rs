@@ -8,7 +8,7 @@ use super::noise::NoiseDrawing;
 use super::place::Place;
 use super::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, EstimateEntry,
-    LinkResult, SetAsideEntry, SourceEntry, ToleranceFactor, TraceEntry, UnusedEntry, WeightEntry, numbers,
+    LinkResult, MountResult, SetAsideEntry, SourceEntry, ToleranceFactor, TraceEntry, UnusedEntry, WeightEntry, numbers,
 };
 use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;
@@ -94,6 +94,12 @@ pub struct ResultFile {
     /// Constants of the instrument.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub instrument: Vec<ConstantResult>,
+    /// Where the machine stands in {S}, one motion for all limbs, where its base is free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placement: Option<MountResult>,
+    /// How the tool is mounted, in the frame of the tool as drawn, where it is free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tool_mounting: Option<MountResult>,
     /// Deviations from nominal.
     pub links: Vec<LinkResult>,
     /// The calibrated machine, as a problem states one.

@@ -1,6 +1,7 @@
 //! The parts of a result file.
 
 use super::units::Units;
+use crate::lie::Se3;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// JSON has no infinities: what a diverged run leaves is written as `null`, and read as NaN.
@@ -142,6 +143,16 @@ impl Deviation {
     }
 }
 
+impl LinkResult {
+    /// Deviation and standard errors beside placement and tool mounting; from the drawing where these do not move the link.
+    pub fn own(&self) -> (&Deviation, Option<&Deviation>) {
+        match &self.beside {
+            Some(beside) => (beside, self.beside_std.as_ref()),
+            None => (&self.deviation, self.std.as_ref()),
+        }
+    }
+}
+
 /// What was found of a link: nominal * exp(deviation), in the frame of the next joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -150,8 +161,15 @@ pub struct LinkResult {
     pub limb: String,
     /// The joint that it carries, or `tool`.
     pub link: String,
-    /// The deviation.
+    /// The deviation from the drawing.
     pub deviation: Deviation,
+    /// The same beside placement and tool mounting, of links that these move: `placement * nominal * exp(beside)`, or
+    /// `nominal * exp(beside) * tool_mounting`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beside: Option<Deviation>,
+    /// Standard errors of `beside`, `None` where they are not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beside_std: Option<Deviation>,
     /// Standard errors, `None` where they are not known.
     pub std: Option<Deviation>,
     /// The same for noise `birge_ratio` times what was stated, where the residual contradicts it.
@@ -160,6 +178,33 @@ pub struct LinkResult {
     /// Of each variance, the share that stems from the tolerances and not from the measurements: 0 is data, 1 is prior.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior_share: Option<Deviation>,
+}
+
+/// Where the machine was placed, or its tool mounted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MountResult {
+    /// Length of the file: of the drawing's origin in {S}, or of the tool point in the frame of the tool as drawn.
+    pub position: [f64; 3],
+    /// Rotation vector, angle of the file.
+    pub rotation: [f64; 3],
+    /// Standard errors of the rotation and of the position, in the same axes; `None` where they are not known.
+    pub std: Option<Deviation>,
+}
+
+impl MountResult {
+    /// A motion with its standard errors (rotation first, rad and m), in units of the file.
+    pub fn of(pose: &Se3, std: Option<&[f64; 6]>, units: Units) -> Self {
+        let (position, rotation) = units.from_pose(pose);
+        Self { position, rotation, std: std.map(|std| Deviation::of(std, units)) }
+    }
+
+    /// The motion, m.
+    pub fn pose(&self, units: Units) -> Se3 {
+        let rotation = self.rotation.map(|v| units.to_radians(v));
+        let position = self.position.map(|v| units.to_metres(v));
+        Se3::from_rotation_vector(position.into(), &rotation.into())
+    }
 }
 
 /// What was found of a constant of the instrument.

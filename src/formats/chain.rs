@@ -134,6 +134,8 @@ impl Chain {
             tool_tolerance: None,
             bounds: None,
             tool_bounds: None,
+            placement: None,
+            tool_mounting: None,
             limbs: vec![LimbDrawing {
                 name: Some(limb.to_owned()),
                 tool: None,

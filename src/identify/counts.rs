@@ -83,7 +83,7 @@ pub(super) fn visibility_of(
     let svd = linalg::svd(here.jac.as_ref())
         .ok_or_else(|| EvalError("the whitened Jacobian is not finite".into()))?;
     let mut singular_values = svd.s;
-    singular_values.resize(problem.coordinates().slice_count(), 0.0);
+    singular_values.resize(problem.coordinates().count(), 0.0);
     let first_order = first_order(mechanism, expected, at)?.min(structural);
     // What has no effect to first order is not known however little noise there is: its value is rounding.
     let practical = singular_values.iter().filter(|s| **s > 1.0).count().min(first_order);

@@ -14,7 +14,7 @@ use super::untold::Untold;
 use crate::calibration::{Sample, close_at};
 use crate::lie::{Se3, so3};
 use crate::measure::Clue;
-use crate::model::{Mechanism, Posture, Prior};
+use crate::model::{Mechanism, Posture, Prior, Tolerance};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// Most rounds of a factorisation.
@@ -23,21 +23,25 @@ const ITERATIONS: usize = 1000;
 /// Which ends of the machine stand free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FreeEnds {
-    /// Every limb's first link has no prior.
+    /// Nothing is known of the placement, or every limb's first link has no prior.
     pub base: bool,
-    /// Every limb's last link has no prior.
+    /// Nothing is known of the tool's mounting, or every limb's last link has no prior.
     pub tool: bool,
 }
 
 impl FreeEnds {
-    /// Reads them off the priors: an end is free where that link of every limb is.
+    /// Reads them off the priors.
     pub fn of(mechanism: &Mechanism) -> Self {
         let free = |link: Option<&crate::model::Link>| {
             link.is_some_and(|l| l.tolerance.angle == Prior::Free && l.tolerance.length == Prior::Free)
         };
+        let stated =
+            |end: Option<Tolerance>| end.is_some_and(|t| t.angle == Prior::Free || t.length == Prior::Free);
         Self {
-            base: mechanism.limbs.iter().all(|limb| free(limb.links.first())),
-            tool: mechanism.limbs.iter().all(|limb| free(limb.links.last())),
+            base: stated(mechanism.ends.placement)
+                || mechanism.limbs.iter().all(|limb| free(limb.links.first())),
+            tool: stated(mechanism.ends.tool_mounting)
+                || mechanism.limbs.iter().all(|limb| free(limb.links.last())),
         }
     }
 }

@@ -9,6 +9,7 @@ use super::score::score;
 use super::sides::Sides;
 use super::singularities::singularities;
 use crate::calibration::{ByPosture, Calibration, Coordinates, Sample, SetAside};
+use crate::lie::Se3;
 use crate::model::Mechanism;
 use crate::problem::Form;
 use crate::solve::{Criterion, Estimate, Failure, Identifier, Iterate, Outcome, Report, Stop};
@@ -162,6 +163,7 @@ impl Run<'_> {
             supported: start.clone(),
             tolerance_test: None,
             untold: Vec::new(),
+            placed: (Se3::identity(), Se3::identity()),
             geometry,
             variances,
             covariance,

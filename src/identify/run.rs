@@ -12,6 +12,7 @@ use super::singularities::NEAR_SINGULAR;
 use super::uncertainty::LinkRoot;
 use super::untold::Untold;
 use crate::calibration::{Calibration, Coordinates, Sample, SetAside};
+use crate::lie::Se3;
 use crate::measure::Weights;
 use crate::model::{Geometry, Mechanism, Prior};
 use crate::problem::{Form, Problem};
@@ -45,6 +46,8 @@ pub enum IdentifyError {
 pub struct Identification {
     /// The machine about which it was linearised: as drawn, with free ends registered.
     pub start: Mechanism,
+    /// Motions that registration put in front of the drawing and behind it.
+    pub placed: (Se3, Se3),
     /// What registration kept as drawn of free ends.
     pub untold: Vec<Untold>,
     /// The same under the tolerances that the data support: estimate and covariance are in these.
@@ -100,7 +103,7 @@ pub fn identify_from(
     if samples.is_empty() {
         return Err(IdentifyError::NoSamples);
     }
-    let Registration { machine: start, untold, .. } =
+    let Registration { machine: start, base, tool, untold } =
         placed(drawn, samples).ok_or(IdentifyError::Unregistered)?;
     let known = has_points(&start);
     let mut found = identify_placed(drawn, (start, untold), samples, identifier, stop, from)?;
@@ -170,6 +173,7 @@ fn identify_placed(
         found = run.found(drawn, report, &set_aside_at_start);
     }
     found.untold = untold;
+    found.placed = (base, tool);
     Ok(found)
 }
 

@@ -2,7 +2,7 @@
 
 use super::twists::twists_by_links;
 use crate::linalg;
-use crate::model::{Mechanism, Posture, Prior, Tolerance};
+use crate::model::{Ends, Mechanism, Posture, Prior, Tolerance};
 use crate::problem::{EvalError, Form};
 use faer::Mat;
 use nalgebra::Matrix6;
@@ -43,6 +43,7 @@ pub fn pose_covariances(
     // Unit tolerances, so that coordinates are the components of the links in rad and m, none of them held.
     let mut unit = machine.clone();
     unit.instrument.clear();
+    unit.ends = Ends::default();
     for link in unit.limbs.iter_mut().flat_map(|limb| &mut limb.links) {
         link.tolerance = Tolerance { angle: Prior::Sigma(1.0), length: Prior::Sigma(1.0) };
     }

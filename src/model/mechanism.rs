@@ -1,7 +1,7 @@
 //! A mechanism: limbs that join base and platform, with the same code for one limb and many.
 
 use super::instrument::Constant;
-use super::limb::Limb;
+use super::limb::{Limb, Tolerance};
 use crate::lie::se3::{self, Twist};
 use crate::lie::{Se3, so3};
 use nalgebra::Vector3;
@@ -13,6 +13,17 @@ pub struct Mechanism {
     pub limbs: Vec<Limb>,
     /// Unknown constants of the set-up that measures it.
     pub instrument: Vec<Constant>,
+    /// What is known of motions that all limbs share.
+    pub ends: Ends,
+}
+
+/// What is known of where the whole machine stands and of how its tool is mounted, beside the tolerances of its links.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ends {
+    /// Of one rigid motion in front of every first link; `None` where there is none.
+    pub placement: Option<Tolerance>,
+    /// Of one rigid motion behind every last link; `None` where there is none.
+    pub tool_mounting: Option<Tolerance>,
 }
 
 /// The links of a machine as they are believed to be: per limb `g_0..g_f`.

@@ -16,5 +16,5 @@ pub use closure::NotClosed;
 pub use instrument::{Constant, Quantity};
 pub use joint::{Joint, Motion};
 pub use limb::{Limb, Link, Prior, Tolerance};
-pub use mechanism::{Geometry, Mechanism};
+pub use mechanism::{Ends, Geometry, Mechanism};
 pub use posture::{Posture, Turn};

@@ -25,7 +25,8 @@ impl Identifier for Limbwise {
         let estimate = Estimate::Decoupled { threshold: Minimal::default().threshold };
         let mut report = Report::new(self.name(), start, estimate);
         let Some(parts) = problem.parts() else {
-            let why = "it does not fall into independent parts: every sample must be a whole pose";
+            let why = "it does not fall into independent parts: every sample must be a whole pose, and limbs must share no \
+                       unknown motion (placement, tool_mounting)";
             return report.fail(Failure::Unsuited(why.into()));
         };
         let solved: Vec<Report> = parts

@@ -60,6 +60,9 @@ pub(super) fn section(result: &ResultFile, model: &Model) -> Section {
         "Each link deviates from the drawing by a small rotation (rx, ry, rz) and translation (x, y, z) in the frame of \
          the joint that it carries. {intervals}"
     )));
+    if result.placement.is_some() || result.tool_mounting.is_some() {
+        section.parts.push(Part::Table(mounts(result)));
+    }
     section.parts.push(Part::Figure(largest(&all)));
     section.parts.push(Part::Figure(overview(&all)));
     section.parts.push(Part::Table(table(result, &all)));
@@ -67,6 +70,32 @@ pub(super) fn section(result: &ResultFile, model: &Model) -> Section {
         section.parts.push(Part::Table(constants(result)));
     }
     section
+}
+
+/// Where free ends were found.
+fn mounts(result: &ResultFile) -> Table {
+    let heads = ["what", "component", "#identified", "#standard error", "unit"];
+    let mut table = Table::new("mounts", "Placement and tool mounting.", &heads).captioned(
+        "One motion that all first links have in common (of the drawing in {S}), and one of all last links (of the tool in \
+         its frame as drawn). First and last links deviate beside these.",
+    );
+    let (length, angle) = (result.units.length_symbol(), result.units.angle_symbol());
+    for (name, mount) in [("placement", &result.placement), ("tool mounting", &result.tool_mounting)] {
+        let Some(mount) = mount else { continue };
+        let all = mount.rotation.into_iter().chain(mount.position);
+        for (i, value) in all.enumerate() {
+            let std =
+                mount.std.as_ref().map(|std| if i < 3 { std.rotation[i] } else { std.translation[i - 3] });
+            table.push(vec![
+                Cell::text(name),
+                Cell::text(COMPONENTS[i]),
+                Cell::number(value, 7),
+                std.map_or_else(Cell::none, |std| Cell::number(std, 3)),
+                Cell::text(if i < 3 { angle } else { length }),
+            ]);
+        }
+    }
+    table
 }
 
 /// What was found of the instrument.
@@ -95,8 +124,9 @@ fn components(result: &ResultFile, model: &Model) -> Vec<Component> {
             let ([a, b, c], [x, y, z]) = (d.rotation, d.translation);
             [a, b, c, x, y, z]
         };
-        let std = found.std.as_ref().map(six);
-        for (i, value) in six(&found.deviation).into_iter().enumerate() {
+        let (deviation, std) = found.own();
+        let std = std.map(six);
+        for (i, value) in six(deviation).into_iter().enumerate() {
             let shown = |v: f64| if i < 3 { units.from_radians(v) } else { units.from_metres(v) };
             all.push(Component {
                 limb,

@@ -18,7 +18,7 @@ pub(super) fn section(study: &Result<Study, String>, model: &Model) -> Section {
     let section = Section::new("The machine");
     match study {
         Ok(study) => {
-            let drawing = drawn(&study.start, &study.start.nominal(), Some(&study.geometry));
+            let drawing = drawn(&study.placed, &study.placed.nominal(), Some(&study.geometry));
             section.with(Part::Drawing(drawing))
         }
         Err(why) => section

@@ -4,12 +4,13 @@ use crate::calibration::{Calibration, Sample};
 use crate::cli::error::CliError;
 use crate::cli::identify::divided;
 use crate::cli::wording::{counted, listed};
-use crate::files::summary::PoseErrors;
+use crate::files::summary::{MountResult, PoseErrors};
 use crate::files::{DataPlaces, Model, ProblemFile, ResultFile, read_problem};
 use crate::identify::counts::visibility;
 use crate::identify::residuals::{Residual, residuals};
 use crate::identify::run::placed;
 use crate::identify::{Covariance, NoiseEstimate, Visibility, score};
+use crate::lie::Se3;
 use crate::model::mechanism::pose_difference;
 use crate::model::{Constant, Geometry, Mechanism, Quantity, mobility};
 use crate::problem::Form;
@@ -32,6 +33,8 @@ pub(super) struct Study {
     pub(super) start: Mechanism,
     /// The same under the tolerances that the data support: the covariance is in these.
     pub(super) supported: Mechanism,
+    /// The drawing where the result says that it was placed, with its tool as mounted.
+    pub(super) placed: Mechanism,
     /// The machine as identified.
     pub(super) geometry: Geometry,
     /// Its deviations from `start`, rad and m.
@@ -201,8 +204,13 @@ fn study(result: &ResultFile, model: &Model, problem: ProblemFile) -> Result<Stu
             && same(s.rotation_rms, rotation)
             && (in_noise.is_none() || same(s.weighted_rms, in_noise))
     });
+    let moved = |mount: &Option<MountResult>| mount.as_ref().map_or_else(Se3::identity, |m| m.pose(units));
+    let placed = match (&result.placement, &result.tool_mounting) {
+        (None, None) => start.clone(),
+        (base, tool) => drawn.relocated(&moved(base), &moved(tool)),
+    };
     let residuals = before.into_iter().zip(after).collect();
-    Ok(Study { start, supported, geometry, at, training, residuals, seen, root, decoupled, reproduced })
+    Ok(Study { start, supported, placed, geometry, at, training, residuals, seen, root, decoupled, reproduced })
 }
 
 /// Whether the machine with these links takes other poses than that of the result at the first samples' readings.

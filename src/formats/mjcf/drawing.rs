@@ -101,6 +101,8 @@ pub fn read(file: &str, text: &str, request: &Request<'_>) -> Result<Imported, F
             tool_tolerance: None,
             bounds: None,
             tool_bounds: None,
+            placement: None,
+            tool_mounting: None,
             limbs: limbs.collect(),
         },
         notes,
