@@ -247,9 +247,13 @@ fn placements_are_as_far_off_as_they_say() {
                 let own = links[beside.link] * se3::exp(&Twist::from_column_slice(&beside.deviation));
                 let sum = if front { mount.pose * own } else { own * mount.pose };
                 let apart = se3::log(&(whole[beside.link].inverse() * sum));
-                // Up to the zero of a passive joint, which is a turn about its axis.
-                let turn = if front { apart.fixed_rows::<2>(0).norm() } else { 0.0 };
-                assert!(apart.fixed_rows::<3>(3).norm() < 1e-3 && turn < 1e-9, "{apart}");
+                // Up to the zero of a passive joint at that end, which is a turn about the last joint's axis.
+                let axis = match front {
+                    true => Twist::from_column_slice(&[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]),
+                    false => se3::adjoint(&whole[beside.link].inverse()) * Vector6::z(),
+                };
+                let turn = axis * (axis.dot(&apart) / axis.norm_squared());
+                assert!((apart - turn).norm() < 1e-9, "{apart} {turn}");
             }
         }
     }

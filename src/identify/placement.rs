@@ -21,6 +21,8 @@ const SETTLED: f64 = 1e-13;
 const FLOOR: f64 = 1e-5;
 /// The same where no standard errors are known.
 const UNKNOWN: f64 = 1e-2;
+/// Turn, rad or m, that is left of what a passive joint makes up for.
+const TURNED: f64 = 1e-14;
 /// Standard error of what is no error at all, rad or machine sizes.
 const ARBITRARY: f64 = 1e3;
 
@@ -114,7 +116,21 @@ impl One {
             End::Base => self.nominal.inverse() * (motion.inverse() * self.found),
             End::Tool => self.nominal.inverse() * self.found * motion.inverse(),
         };
-        self.without_idle(&se3::log(&r))
+        let Some(idle) = self.idle else { return se3::log(&r) };
+        let (mut left, mut turned) = (se3::log(&r), 0.0);
+        for _ in 0..ROUNDS {
+            let more = idle.dot(&left) / idle.norm_squared();
+            if more.is_nan() || more.abs() < TURNED {
+                break;
+            }
+            turned += more;
+            let back = se3::exp(&(idle * -turned));
+            left = se3::log(&match end {
+                End::Base => r * back,
+                End::Tool => back * r,
+            });
+        }
+        left
     }
 
     fn without_idle(&self, r: &Twist) -> Twist {
