@@ -11,8 +11,8 @@ use crate::calibration::{ByPosture, Sample};
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
 use crate::identify::score::{score, set_aside};
 use crate::identify::{
-    Fit, Folds, Identification, IdentifyError, Judged, Mounts, NoiseEstimate, believed, cross_validate, identify,
-    identify_without_noise, judge,
+    Fit, Folds, Identification, IdentifyError, Judged, Mounts, NoiseEstimate, believed, cross_validate,
+    identify, identify_without_noise, judge,
 };
 use crate::measure::Clue;
 use crate::model::mobility;

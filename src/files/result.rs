@@ -8,7 +8,8 @@ use super::noise::NoiseDrawing;
 use super::place::Place;
 use super::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, EstimateEntry,
-    LinkResult, MountResult, SetAsideEntry, SourceEntry, ToleranceFactor, TraceEntry, UnusedEntry, WeightEntry, numbers,
+    LinkResult, MountResult, SetAsideEntry, SourceEntry, ToleranceFactor, TraceEntry, UnusedEntry,
+    WeightEntry, numbers,
 };
 use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;

@@ -115,6 +115,7 @@ pub fn identify_from(
         }
         found.sides = known;
     }
+    found.placed = (base, tool);
     Ok(found)
 }
 
@@ -173,7 +174,6 @@ fn identify_placed(
         found = run.found(drawn, report, &set_aside_at_start);
     }
     found.untold = untold;
-    found.placed = (base, tool);
     Ok(found)
 }
 

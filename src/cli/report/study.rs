@@ -210,7 +210,19 @@ fn study(result: &ResultFile, model: &Model, problem: ProblemFile) -> Result<Stu
         (base, tool) => drawn.relocated(&moved(base), &moved(tool)),
     };
     let residuals = before.into_iter().zip(after).collect();
-    Ok(Study { start, supported, placed, geometry, at, training, residuals, seen, root, decoupled, reproduced })
+    Ok(Study {
+        start,
+        supported,
+        placed,
+        geometry,
+        at,
+        training,
+        residuals,
+        seen,
+        root,
+        decoupled,
+        reproduced,
+    })
 }
 
 /// Whether the machine with these links takes other poses than that of the result at the first samples' readings.

@@ -3,7 +3,7 @@
 
 use super::super::joint::{Joint, Motion};
 use super::super::limb::Limb;
-use super::super::mechanism::{Geometry, Mechanism};
+use super::super::mechanism::{Ends, Geometry, Mechanism};
 use super::super::posture::Posture;
 use super::range::Ranges;
 use super::self_motion::into_ranges;
@@ -63,7 +63,7 @@ fn of_limb(limb: &Limb, links: &[Se3], near: &[f64], pose: &Se3) -> Vec<Vec<f64>
         ..joint.clone()
     };
     let arm = Limb { joints: limb.joints.iter().map(driven).collect(), ..limb.clone() };
-    let arm = Mechanism { limbs: vec![arm], instrument: Vec::new() };
+    let arm = Mechanism { limbs: vec![arm], instrument: Vec::new(), ends: Ends::default() };
     let geometry = Geometry { limbs: vec![links.to_vec()], instrument: Vec::new() };
     let ranges = Ranges::of(&arm);
     let mut found: Vec<Vec<f64>> = Vec::new();
