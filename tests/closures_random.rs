@@ -212,7 +212,7 @@ fn assert_random(seeds: std::ops::Range<u64>) {
             at_start += of.wrong_at_start;
             failed += usize::from(!converged);
             aside += found.set_aside.len();
-            let at_once = distance > 0.0 || iterations <= 1;
+            let at_once = distance > 0.0 || iterations <= 2;
             if !of.wrong.is_empty()
                 || !found.set_aside.is_empty()
                 || of.wrong_at_start > 0

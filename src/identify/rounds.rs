@@ -7,7 +7,7 @@ use super::outliers::outliers;
 use super::run::Identification;
 use super::score::score;
 use super::sides::Sides;
-use super::singularities::singularities;
+use super::singularities::{NEAR_SINGULAR, singularities};
 use crate::calibration::{ByPosture, Calibration, Coordinates, Sample, SetAside};
 use crate::lie::Se3;
 use crate::model::Mechanism;
@@ -18,7 +18,7 @@ use std::collections::HashSet;
 /// How often postures that were set aside are taken back.
 const ROUNDS: usize = 8;
 /// Residual, in standard deviations of the noise, that is rounding.
-const EXACT: f64 = 1e-6;
+pub(super) const EXACT: f64 = 1e-6;
 
 /// One identification on its way.
 pub(super) struct Run<'a> {
@@ -51,7 +51,10 @@ impl Run<'_> {
             }
             x.copy_from_slice(&report.x);
             self.at = self.problem.coordinates().deviations(&x);
-            let changed = self.problem.take_back(self.samples, &self.at, 0.0);
+            // A posture that comes to a singularity on the way is where the identifier cannot pass: it waits.
+            let blocked = matches!(report.outcome, Outcome::Failed(Failure::Evaluation(_)));
+            let least = if blocked { NEAR_SINGULAR } else { 0.0 };
+            let changed = self.problem.take_back(self.samples, &self.at, least);
             let exhausted = self.trace.len() >= self.stop.iterations;
             if !changed || exhausted || round == ROUNDS || self.problem.sample_count() == 0 {
                 break report;
@@ -59,7 +62,7 @@ impl Run<'_> {
         };
         if self.problem.sample_count() == 0 && report.outcome.converged() {
             let first = self.problem.set_aside().first();
-            let why = first.map_or_else(String::new, |s| format!("{}: {}", s.name, s.reason));
+            let why = first.map_or_else(String::new, |s| format!("{}: {}", s.name, s.reason.unitless()));
             report.outcome = Outcome::Failed(Failure::Evaluation(why));
         }
         report

@@ -24,6 +24,7 @@ pub use order::{DriftFinding, OrderFinding};
 pub use readings::RowCause;
 
 use super::outliers::Outlier;
+use super::rounds::EXACT;
 use super::run::{Identification, identify_from};
 use crate::calibration::Sample;
 use crate::solve::{Identifier, Stop, registry};
@@ -87,6 +88,7 @@ pub fn judge(of: &Judged<'_>) -> Judgement {
     let apart = |sample: &Sample| found.set_aside.iter().any(|s| s.name == sample.name);
     let taking: Vec<usize> = (0..of.samples.len()).filter(|&i| !apart(&of.samples[i])).collect();
     let samples: Vec<Sample> = taking.iter().map(|&i| of.samples[i].clone()).collect();
+    let samples = found.taking_part(&samples);
     let sets: Vec<usize> = taking.iter().map(|&i| of.sets.get(i).copied().unwrap_or(0)).collect();
     let total = found
         .chi_square()
@@ -95,7 +97,10 @@ pub fn judge(of: &Judged<'_>) -> Judgement {
     let mut judgement = Judgement { total, ..Judgement::default() };
     judgement.holdout = HoldoutTest::new(found, of.holdout);
     let converged = found.report.outcome.converged();
-    let explained = (!converged || found.covariance.is_some()) && judgement.explain(of, &samples, &sets);
+    // Rounding has no cause.
+    let exact = of.stated && found.fit.1.is_some_and(|fit| fit.weighted_rms < EXACT);
+    let linear = !converged || found.covariance.is_some();
+    let explained = !exact && linear && judgement.explain(of, &samples, &sets);
     if converged && !explained {
         // By the estimate as it is, where linear theory does not say what the others would give.
         judgement.outliers =
