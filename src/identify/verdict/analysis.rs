@@ -205,6 +205,8 @@ impl Search {
                     self.add(&fit.columns);
                     self.patterns.remove(k);
                     self.causes.push(Cause::Model(finding));
+                    // What one joint's pattern leaves of its errors is no further cause.
+                    break;
                 }
                 _ => {
                     self.present = Some(residual);

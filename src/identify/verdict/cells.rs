@@ -49,13 +49,15 @@ impl Quantity {
     }
 }
 
-/// An axis along which components were read.
+/// An axis along which components were read, or the sensor that read them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Axis {
     /// x, y or z of {S}.
     Frame(usize),
     /// Principal axis of the stated noise, the least noisy first.
     Principal(usize),
+    /// A sensor of a joint, in the order in which they are read.
+    Sensor(usize),
 }
 
 /// Residuals that share set, quantity and axis: the smallest group that is tested.
@@ -84,7 +86,7 @@ pub(super) fn kinds(
     let plain = |quantity: Quantity| (vec![(quantity, None); count], Vec::new());
     if errors.joint_angle.is_some() || errors.joint_length.is_some() {
         let of = |row| if measurement.is_angle(row) { Quantity::JointAngle } else { Quantity::JointLength };
-        return ((0..count).map(|row| (of(row), None)).collect(), Vec::new());
+        return ((0..count).map(|row| (of(row), Some(Axis::Sensor(row)))).collect(), Vec::new());
     }
     if errors.distance.is_some() {
         let two = measurement.second().is_some();

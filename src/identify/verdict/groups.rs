@@ -82,7 +82,13 @@ impl NoiseFinding {
                 ratio if ratio < 1e-3 => "less than 0.001".to_owned(),
                 ratio => format!("{ratio:.3}"),
             };
-            return format!("the residual is {ratio} times what the stated noise makes it: noise {word}");
+            let or = match part.factor < 1.0 {
+                true => "readings that are not independent",
+                false => "errors that the model does not have and that neighbouring postures do not share",
+            };
+            return format!(
+                "the residual is {ratio} times what the stated noise makes it: noise {word}, or {or}"
+            );
         }
         let mut seen: Vec<String> =
             self.parts.iter().map(|part| format!("{} are {}", part.name, number(part.ratio))).collect();
@@ -177,6 +183,7 @@ fn axis_name(quantity: Quantity, axis: Axis) -> String {
     let what = if quantity == Quantity::Rotation { "the rotations about" } else { "the positions along" };
     match axis {
         Axis::Frame(i) => format!("{what} {}", ["x", "y", "z"].get(i).copied().unwrap_or("?")),
+        Axis::Sensor(i) => format!("the {} of sensor {}", quantity.name(), i + 1),
         Axis::Principal(i) => format!("{what} principal axis {} of their noise", i + 1),
     }
 }

@@ -197,8 +197,13 @@ impl Judgement {
         }
         self.groups = analysis.groups;
         self.causes = analysis.causes;
+        let without = clean.chi_square().and_then(|(value, freedom)| ChiSquareTest::new(value, freedom));
+        // Postures without which the model still misses are not what it misses.
+        let missing = self.causes.iter().any(|cause| matches!(cause, Cause::Model(_)));
+        if missing && without.is_some_and(|test| test.size() == Size::Large) {
+            self.outliers.clear();
+        }
         if !self.outliers.is_empty() {
-            let without = clean.chi_square().and_then(|(value, freedom)| ChiSquareTest::new(value, freedom));
             let rows: usize = removed.iter().map(|&k| samples[k].measurement.rows()).sum();
             let gain = match (self.total, without) {
                 (Some(total), Some(without)) => 0.5 * (total.value - without.value - 2.0 * rows as f64),
