@@ -12,6 +12,9 @@ use crate::solve::map::Map;
 use crate::solve::{Identifier, Stop};
 use nalgebra::{Matrix3, Vector3};
 
+/// Most rounds of a decomposition: without a limit one of numbers that are not finite never ends.
+const EIGEN_ROUNDS: usize = 1000;
+
 /// Chi-square, deviations in tolerances included, by which one side must be better than the other to be called the right
 /// one: odds of 20,000 to 1.
 const DECIDED: f64 = 20.0;
@@ -227,7 +230,7 @@ fn other_side((mechanism, at): &Start, point: &Ranged, samples: &[Sample]) -> Op
     let count = seen.len() as f64;
     let centre = seen.iter().map(|(p, _)| p).sum::<Vector3<f64>>() / count;
     let spread: Matrix3<f64> = seen.iter().map(|(p, _)| (p - centre) * (p - centre).transpose()).sum();
-    let eigen = spread.symmetric_eigen();
+    let eigen = spread.try_symmetric_eigen(f64::EPSILON, EIGEN_ROUNDS)?;
     let normal: Vector3<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
     let here = place(&geometry, point);
     let image = here - 2.0 * normal * normal.dot(&(here - centre));

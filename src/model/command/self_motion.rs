@@ -2,7 +2,7 @@
 //! pose.
 
 use super::super::mechanism::{Geometry, Mechanism};
-use super::super::posture::Posture;
+use super::super::posture::{ITERATIONS, Posture};
 use super::range::Ranges;
 use super::velocity::Velocity;
 use super::way::{approach, longest_fraction};
@@ -97,7 +97,8 @@ fn null_space(jacobian: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let count = jacobian.ncols();
     // Rows of zeros make the right factor square.
     let rows = jacobian.nrows();
-    let svd = jacobian.resize_vertically(rows.max(count), 0.0).svd(false, true);
+    let square = jacobian.resize_vertically(rows.max(count), 0.0);
+    let svd = square.try_svd(false, true, 5.0 * f64::EPSILON, ITERATIONS)?;
     let v_t = svd.v_t?;
     let largest = svd.singular_values.max();
     let idle: Vec<usize> = (0..count).filter(|&i| svd.singular_values[i] <= NO_MOTION * largest).collect();
@@ -122,7 +123,8 @@ fn least_excess(ranges: &Ranges, actuators: &[f64], idle: &DMatrix<f64>, margin:
             break;
         }
         let right = DVector::from_iterator(outside.len(), outside.iter().map(|&i| inward[i]));
-        let svd = weighted.select_rows(&outside).svd(true, true);
+        let rows = weighted.select_rows(&outside);
+        let Some(svd) = rows.try_svd(true, true, 5.0 * f64::EPSILON, ITERATIONS) else { break };
         let Ok(change) = svd.solve(&right, NO_EFFECT * svd.singular_values.max()) else { break };
         let mut fraction = 1.0;
         let better = loop {

@@ -1,7 +1,7 @@
 //! The way to a pose: Newton's method along the straight line to it, loops closed at every step.
 
 use super::super::mechanism::{Geometry, Mechanism, pose_difference};
-use super::super::posture::{LONGEST_STEP, Posture};
+use super::super::posture::{ITERATIONS, LONGEST_STEP, Posture};
 use super::velocity::Velocity;
 use super::{Found, NO_MOTION, error_to};
 use crate::lie::{Se3, so3};
@@ -107,7 +107,7 @@ fn newton_step(
     followed: [bool; 6],
 ) -> Option<Vec<f64>> {
     let velocity = Velocity::of(mechanism, posture);
-    let svd = velocity.followed(followed).svd(true, true);
+    let svd = velocity.followed(followed).try_svd(true, true, 5.0 * f64::EPSILON, ITERATIONS)?;
     let largest = svd.singular_values.max();
     let motion = svd.solve(left, NO_MOTION * largest).ok()?;
     velocity.of_joints(mechanism, posture, &motion)
