@@ -184,7 +184,7 @@ pub(super) fn neighbours(
     pairs.sort_unstable();
     pairs.dedup();
     let (correlation, z) = resemblance(linear, residual, &pairs)?;
-    (z > RESEMBLING && correlation > FAINT).then(|| ModelFinding {
+    (z > RESEMBLING && correlation > FAINT).then_some(ModelFinding {
         joint: None,
         scale: None,
         correlation: Some(correlation),
