@@ -4,6 +4,7 @@
 use super::references::Ranges;
 use super::run::Identification;
 use crate::calibration::{Calibration, Postures, Sample};
+use crate::lie::Se3;
 use crate::linalg;
 use crate::measure::{Clue, Gauge, Point};
 use crate::model::{Constant, Geometry, Mechanism, Prior};
@@ -244,7 +245,7 @@ fn other_side((mechanism, at): &Start, point: &Ranged, samples: &[Sample]) -> Op
     (apart > FALLEN_BACK * (image - here).norm() && apart.is_finite() && !ruled_out).then_some(there)
 }
 
-fn on_tool(tool: &crate::lie::Se3, target: &Point, geometry: &Geometry) -> Vector3<f64> {
+fn on_tool(tool: &Se3, target: &Point, geometry: &Geometry) -> Vector3<f64> {
     tool.p + tool.r * target.at(&geometry.instrument)
 }
 

@@ -1,15 +1,15 @@
 //! A pose made by every limb for itself: where loops close, each limb is an arm whose end is known, and what one limb finds
 //! does not depend on the others.
 
-use super::super::joint::{Joint, Motion};
-use super::super::limb::Limb;
-use super::super::mechanism::{Ends, Geometry, Mechanism};
-use super::super::posture::Posture;
 use super::range::Ranges;
 use super::self_motion::into_ranges;
 use super::way::approach;
 use super::{REACHED, active};
 use crate::lie::Se3;
+use crate::model::joint::{Joint, Motion};
+use crate::model::limb::Limb;
+use crate::model::mechanism::{Ends, Geometry, Mechanism};
+use crate::model::posture::Posture;
 use std::f64::consts::TAU;
 
 /// Starts of a limb besides the posture in which it stands.

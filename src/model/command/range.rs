@@ -1,7 +1,7 @@
 //! Ranges of the actuators, and by how much readings leave them.
 
-use super::super::joint::{Joint, Motion};
-use super::super::mechanism::Mechanism;
+use crate::model::joint::{Joint, Motion};
+use crate::model::mechanism::Mechanism;
 use std::f64::consts::TAU;
 
 /// Part of a range by which rounding may leave it.

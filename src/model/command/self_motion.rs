@@ -1,13 +1,13 @@
 //! The self-motion of a machine with more drives than the pose needs: readings within their ranges that make the same
 //! pose.
 
-use super::super::mechanism::{Geometry, Mechanism};
-use super::super::posture::{ITERATIONS, Posture};
 use super::range::Ranges;
 use super::velocity::Velocity;
 use super::way::{approach, longest_fraction};
 use super::{NO_MOTION, REACHED, active};
 use crate::lie::Se3;
+use crate::model::mechanism::{Geometry, Mechanism};
+use crate::model::posture::{ITERATIONS, Posture};
 use nalgebra::{DMatrix, DVector};
 
 /// Most steps along the self-motion.

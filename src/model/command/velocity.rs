@@ -1,7 +1,7 @@
 //! How actuators move the tool (12.1), and the passive joints with it (12.2).
 
-use super::super::mechanism::Mechanism;
-use super::super::posture::{Posture, scaled};
+use crate::model::mechanism::Mechanism;
+use crate::model::posture::{Posture, scaled};
 use nalgebra::{DMatrix, DVector, Vector6};
 
 /// Twists of the tool by the actuators of a closed posture, lengths in machine sizes.

@@ -1,10 +1,10 @@
 //! The way to a pose: Newton's method along the straight line to it, loops closed at every step.
 
-use super::super::mechanism::{Geometry, Mechanism, pose_difference};
-use super::super::posture::{ITERATIONS, LONGEST_STEP, Posture};
 use super::velocity::Velocity;
 use super::{Found, NO_MOTION, error_to};
 use crate::lie::{Se3, so3};
+use crate::model::mechanism::{Geometry, Mechanism, pose_difference};
+use crate::model::posture::{ITERATIONS, LONGEST_STEP, Posture};
 use nalgebra::DVector;
 
 /// Error at which nothing is left to gain.
