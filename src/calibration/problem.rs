@@ -183,6 +183,16 @@ impl<'a> Calibration<'a> {
         })
     }
 
+    /// Residual and Jacobian at `x`, posture by posture, and the derivative of each row by the tool twist.
+    pub fn linearize_with_twists(&self, x: &[f64]) -> Result<(Linearized, Vec<[f64; 6]>), EvalError> {
+        let (_, geometry) = self.at(x);
+        let mut twists = Vec::with_capacity(self.rows());
+        self.visit(&self.starts.taking, &geometry, |_, sample| {
+            twists.extend(sample.rows.iter().map(|row| row.by_tool))
+        })?;
+        Ok((self.linearize(x)?, twists))
+    }
+
     /// The same with only these of the postures that take part, closed from where they are closed here.
     pub fn only(&self, postures: Range<usize>) -> Self {
         Self {

@@ -9,10 +9,11 @@ use super::summary::{Summary, summary};
 use super::wording::{counted, not_identified, reason};
 use crate::calibration::{ByPosture, Sample};
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
+use crate::identify::posture_noise::sharing;
 use crate::identify::score::{score, set_aside};
 use crate::identify::{
-    Fit, Folds, Identification, IdentifyError, Judged, Mounts, NoiseEstimate, believed, cross_validate,
-    identify, identify_without_noise, judge,
+    Fit, Folds, IdentifyError, Judged, Mounts, believed, cross_validate, identify, identify_sharing,
+    identify_without_noise, judge,
 };
 use crate::measure::Clue;
 use crate::model::mobility;
@@ -86,20 +87,24 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         )));
     }
     let chosen = args.holdout.map(|fraction| (fraction, args.seed));
-    let (training, mut holdout) = divided(&problem, chosen)?;
+    let (mut training, mut holdout) = divided(&problem, chosen)?;
     let postures = ByPosture::of(&training).count();
     let folds = args.cross_validate.as_deref().map(|text| folds(text, postures, args.seed)).transpose()?;
     let stop = Stop::default();
     let message = format!("identifying {} from {}", problem.name, counted(postures, "posture"));
-    let outcome = with_spinner(message, || match problem.data.has_noise() {
-        true => {
-            identify(&problem.mechanism, &training, identifier.as_ref(), &stop).map(|found| (found, None))
-        }
-        false => identify_without_noise(&problem.mechanism, &training, identifier.as_ref(), &stop)
+    let from = |samples: &[Sample]| match problem.data.has_noise() {
+        true => identify(&problem.mechanism, samples, identifier.as_ref(), &stop).map(|found| (found, None)),
+        false => identify_without_noise(&problem.mechanism, samples, identifier.as_ref(), &stop)
             .map(|(found, noise)| (found, Some(noise))),
-    });
-    let (found, noise): (Identification, Option<NoiseEstimate>) =
-        outcome.map_err(|why| not_done(&problem, &why))?;
+    };
+    let outcome = with_spinner(message, || identify_sharing(&training, from));
+    let (found, noise, common) = outcome.map_err(|why| not_done(&problem, &why))?;
+    let mut unused = problem.data.unused.clone();
+    if let Some(common) = common {
+        for samples in [&mut training, &mut holdout, &mut unused] {
+            *samples = sharing(samples, common.noise);
+        }
+    }
     if let Outcome::Failed(Failure::Infeasible(names)) = &found.report.outcome {
         return Err(CliError::Usage(format!(
             "{}: the limits contradict each other: no machine fits those of {}; widen or remove one",
@@ -157,7 +162,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         stop: &stop,
     });
     let report = Summary {
-        unused: (problem.data.unused.iter())
+        unused: (unused.iter())
             .map(|s| {
                 let weighed =
                     noise.as_ref().map_or_else(|| vec![s.clone()], |n| n.weigh(std::slice::from_ref(s)));
@@ -178,6 +183,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
             }),
         ),
         noise,
+        common,
         judgement,
         cross_validation,
         identifier: identifier.as_ref(),
@@ -221,13 +227,18 @@ fn folds(text: &str, postures: usize, seed: u64) -> Result<Folds, CliError> {
 
 /// Names of the training samples that are in the hold-out, too: the same readings and the same values measured.
 fn shared(training: &[Sample], holdout: &[Sample]) -> Vec<String> {
-    let same = |a: &Sample, b: &Sample| {
-        a.actuators == b.actuators
-            && same_object(a, b)
-            && a.measurement.readings() == b.measurement.readings()
-    };
-    let both = training.iter().filter(|sample| holdout.iter().any(|held| same(sample, held)));
-    both.map(|sample| sample.name.clone()).collect()
+    let same =
+        |a: &Sample, b: &Sample| same_object(a, b) && a.measurement.readings() == b.measurement.readings();
+    // Only samples of one posture can be equal.
+    let both: Vec<Sample> = training.iter().chain(holdout).cloned().collect();
+    let mut names = Vec::new();
+    for of in ByPosture::of(&both).iter() {
+        let (here, there) = of.split_at(of.partition_point(|i| *i < training.len()));
+        let held = |i: &usize| there.iter().any(|j| same(&both[*i], &both[*j]));
+        names.extend(here.iter().filter(|i| held(i)).copied());
+    }
+    names.sort_unstable();
+    names.into_iter().map(|i| both[i].name.clone()).collect()
 }
 
 /// Number of samples that measure the same thing at the same readings as an earlier one.
@@ -236,11 +247,18 @@ fn repeated(samples: &[Sample]) -> usize {
     let mut sorted: Vec<&Sample> = samples.iter().filter(|s| s.measurement.second().is_none()).collect();
     sorted.sort_by(|a, b| a.actuators.partial_cmp(&b.actuators).unwrap_or(Ordering::Equal));
     let groups = sorted.chunk_by(|a, b| a.actuators == b.actuators);
-    groups
-        .map(|group| {
-            (1..group.len()).filter(|k| group[..*k].iter().any(|a| same_object(a, group[*k]))).count()
-        })
-        .sum()
+    groups.map(|group| group.len() - objects(group).len()).sum()
+}
+
+/// One sample for each thing that is measured.
+fn objects<'s>(samples: &[&'s Sample]) -> Vec<&'s Sample> {
+    let mut different: Vec<&Sample> = Vec::new();
+    for sample in samples {
+        if !different.iter().any(|other| same_object(other, sample)) {
+            different.push(sample);
+        }
+    }
+    different
 }
 
 /// Whether both refer to the same target, fixed point and plane, and to the same second posture.

@@ -3,12 +3,13 @@
 use super::summary::Summary;
 use super::wording::reason;
 use crate::calibration::SetAside;
-use crate::files::noise::NoiseDrawing;
+use crate::files::noise::{NoiseDrawing, PostureNoiseDrawing};
 use crate::files::place::Place;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
     ActiveBoundEntry, BeforeAfter, ConstantResult, Counts, CrossValidationEntry, Deviation, LinkResult,
-    MountResult, PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry,
+    MountResult, PoseErrors, PostureNoiseEntry, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry,
+    WeightEntry,
 };
 use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Variance};
@@ -79,6 +80,8 @@ impl Summary<'_> {
             reason: report.outcome.to_string(),
             iterations: found.trace.len(),
             units,
+            postures: Some(self.taking_part().0),
+            samples: Some(self.taking_part().1),
             counts: found.counts().map(Counts::from).unwrap_or_default(),
             fit: before_after(self.reached(found.fit), units),
             holdout: before_after(self.reached(self.holdout), units),
@@ -93,6 +96,10 @@ impl Summary<'_> {
                 angle: noise.angle.map(|v| units.from_radians(v)),
                 length: noise.length.map(|v| units.from_metres(v)),
                 covariance: None,
+            }),
+            posture_noise_estimate: self.common.map(|common| {
+                let PostureNoiseDrawing { angle, length } = PostureNoiseDrawing::of(common.noise, units);
+                PostureNoiseEntry { angle, length, probability: common.probability }
             }),
             warnings: self.warnings(),
             set_aside: entries(&found.set_aside, units),

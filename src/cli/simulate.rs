@@ -13,6 +13,7 @@ use crate::files::{
 use crate::model::{Geometry, mobility};
 use crate::simulate::readings::Reading;
 use crate::simulate::{Plan, SimulatedSet};
+use nalgebra::Matrix6;
 use std::path::PathBuf;
 
 /// Arguments.
@@ -20,7 +21,7 @@ use std::path::PathBuf;
 pub struct Args {
     /// Problem file: machine, tolerances and noise; its data, if any, are replaced
     problem: PathBuf,
-    /// Number of measured postures; a list with one per set where the data consist of several
+    /// Number of measured postures (all targets at each where data.posture_noise is stated, else in turn); a list with one per set where the data consist of several
     #[arg(long, value_name = "N", value_delimiter = ',', required = true,
         value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     poses: Vec<u32>,
@@ -92,7 +93,9 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let recipe = problem.drawing.benchmark.clone().unwrap_or_default();
     let mechanism = &problem.mechanism;
     let drawing = if problem.measures_tool_alone() {
-        with_data(&problem, &simulate_by(&recipe, mechanism, &covariance[0], &plan).map_err(failed)?, args)
+        let common = problem.data.posture_noise.unwrap_or_default();
+        let whole = covariance[0] + Matrix6::from_diagonal(&common.variances());
+        with_data(&problem, &simulate_by(&recipe, mechanism, &whole, &plan).map_err(failed)?, args)
     } else {
         let blanks =
             sets.iter().map(|set| set.blanks.iter().map(|blank| blank.measurement.clone()).collect());
@@ -156,7 +159,7 @@ fn with_sets(problem: &ProblemFile, truth: &Geometry, read: &[SimulatedSet], arg
     let of_set = |k: usize, readings: &[Reading], held: bool| {
         let common = match &stated.sets {
             Some(sets) => sets[k].clone(),
-            None => DataDrawing { instrument: None, ..stated.clone() },
+            None => DataDrawing { instrument: None, posture_noise: None, ..stated.clone() },
         };
         let common = if held && !several { DataDrawing::default() } else { common };
         DataDrawing {
@@ -197,6 +200,7 @@ fn with_sets(problem: &ProblemFile, truth: &Geometry, read: &[SimulatedSet], arg
         false => DataDrawing {
             origin: Some(origin(args)),
             instrument: stated.instrument.clone(),
+            posture_noise: stated.posture_noise,
             holdout,
             ..samples
         },
@@ -234,6 +238,7 @@ fn with_data(
         origin: Some(origin(args)),
         noise,
         covariance,
+        posture_noise: stated.posture_noise,
         samples: Some(drawn(&simulated.samples)),
         holdout,
         ..DataDrawing::default()

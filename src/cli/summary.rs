@@ -4,8 +4,11 @@ use super::details::{digits, instrument, largest, mounts, other_errors, unused};
 use super::wording::counted;
 use crate::calibration::SetAside;
 use crate::files::ProblemFile;
-use crate::identify::{CrossValidation, Fit, Identification, Judgement, Mounts, NoiseEstimate};
+use crate::identify::{
+    CrossValidation, Fit, Identification, Judgement, Mounts, NoiseEstimate, PostureNoiseEstimate,
+};
 use crate::model::Prior;
+use crate::render;
 use crate::solve::Identifier;
 
 /// Everything that a report is made of.
@@ -30,6 +33,8 @@ pub struct Summary<'a> {
     pub noise: Option<NoiseEstimate>,
     /// What the tests of the residual say.
     pub judgement: Judgement,
+    /// What the samples of a posture have in common, where it was estimated.
+    pub common: Option<PostureNoiseEstimate>,
     /// Prediction of postures without them, where it was asked for.
     pub cross_validation: Option<CrossValidation>,
     /// Where free ends were found.
@@ -45,6 +50,11 @@ impl Summary<'_> {
     pub(super) fn reached(&self, pair: (Option<Fit>, Option<Fit>)) -> (Option<Fit>, Option<Fit>) {
         let stayed = !self.found.report.outcome.converged() && self.found.fit.0 == self.found.fit.1;
         (pair.0, pair.1.filter(|_| !stayed))
+    }
+
+    /// Postures and samples that took part.
+    pub(super) fn taking_part(&self) -> (usize, usize) {
+        self.found.fit.1.map_or((0, 0), |fit| (fit.postures, fit.samples))
     }
 
     /// Deviation components with a stated tolerance, beside placement and tool mounting: in tolerances, in rad or m, index, axis, and the link's name.
@@ -73,19 +83,41 @@ impl Summary<'_> {
     }
 }
 
+/// What the samples of a posture have in common, in words and units of the file.
+pub(super) fn common_words(of: &Summary<'_>) -> String {
+    let units = of.problem.units;
+    let noise = of.common.map(|common| common.noise).unwrap_or_default();
+    let part = |v: f64, unit: &str| (v > 0.0).then(|| format!("{} {unit}", render::text::digits(v, 2)));
+    let parts: Vec<String> = [
+        part(units.from_metres(noise.length), units.length_symbol()),
+        part(units.from_radians(noise.angle), units.angle_symbol()),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    format!(
+        "the samples of a posture share an error of about {} at the tool point, estimated from them",
+        parts.join(" and ")
+    )
+}
+
 /// The summary for people.
 pub fn summary(of: &Summary<'_>) -> String {
     let (found, problem) = (of.found, of.problem);
     let (length, angle) = (problem.units.length_symbol(), problem.units.angle_symbol());
     let mechanism = &problem.mechanism;
     let (r, p) = mechanism.joint_counts();
-    let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
+    let (postures, samples) = of.taking_part();
+    let counts = match postures == samples {
+        true => counted(postures, "posture"),
+        false => format!("{}, {}", counted(postures, "posture"), counted(samples, "sample")),
+    };
     let mut text = format!(
         "{}: {}, {r} angular and {p} prismatic joints, {} actuated\n{}, {}; {}: {} ({})\n\n",
         problem.name,
         counted(mechanism.limbs.len(), "limb"),
         mechanism.actuator_count(),
-        counted(taking_part, "posture"),
+        counts,
         counted(found.rows, "reading"),
         found.report.identifier,
         found.report.outcome,
@@ -108,6 +140,13 @@ pub fn summary(of: &Summary<'_>) -> String {
         text.push_str(&format!(
             "noise       none stated; estimated from the residual: {}\n",
             parts.join(", ")
+        ));
+    }
+    if let Some(common) = of.common {
+        text.push_str(&format!(
+            "postures    {}; by chance alone with probability {}\n",
+            common_words(of),
+            digits(common.probability)
         ));
     }
     text.push_str(&format!(

@@ -62,7 +62,7 @@ impl Summary<'_> {
     pub fn warnings(&self) -> Vec<String> {
         let found = self.found;
         let mut warnings = Vec::new();
-        let taking_part = found.fit.1.map_or(0, |fit| fit.samples);
+        let (_, samples) = self.taking_part();
         if !found.report.outcome.converged() {
             let hint = match found.report.outcome {
                 _ if self.is_led_astray() => "",
@@ -79,7 +79,7 @@ impl Summary<'_> {
         }
         if !found.set_aside.is_empty() {
             let names: Vec<&str> = found.set_aside.iter().map(|s| s.name.as_str()).collect();
-            let postures = counted(names.len(), "posture");
+            let postures = counted(names.len(), self.word());
             warnings.push(format!("{postures} took no part: {}", names.join(", ")));
         }
         let left_out = |name: &str| found.set_aside.iter().any(|s| s.name == name);
@@ -88,7 +88,7 @@ impl Summary<'_> {
         if !taken_back.is_empty() {
             warnings.push(format!(
                 "{} that the nominal machine cannot reach {} set aside at first and taken back: {}",
-                counted(taken_back.len(), "posture"),
+                counted(taken_back.len(), self.word()),
                 if taken_back.len() == 1 { "was" } else { "were" },
                 taken_back.join(", ")
             ));
@@ -97,15 +97,15 @@ impl Summary<'_> {
             let names: Vec<&str> = self.holdout_set_aside.iter().map(|s| s.name.as_str()).collect();
             warnings.push(format!(
                 "hold-out: {} not scored, whose loops do not close with the result: {}",
-                counted(names.len(), "posture"),
+                counted(names.len(), self.word()),
                 listed(&names)
             ));
         }
-        if 2 * self.repeated > taking_part {
+        if 2 * self.repeated > samples {
             warnings.push(format!(
                 "{} of {} repeat the readings of another: they tell of the noise, not of the machine; measure other postures",
                 self.repeated,
-                counted(taking_part, "posture"),
+                counted(samples, "sample"),
             ));
         }
         if !self.shared.is_empty() {
@@ -157,14 +157,14 @@ impl Summary<'_> {
             let what = if near.len() > 1 { "nearly singular, the worst" } else { "nearly singular" };
             warnings.push(format!(
                 "{} {what} by the singular values of the wrench matrix: {}",
-                counted(near.len(), "posture"),
+                counted(near.len(), self.word()),
                 names.join(", ")
             ));
         }
         if !found.other_mode.is_empty() && !self.is_led_astray() {
             warnings.push(format!(
                 "{} measured in another assembly mode than that of home, which predictions follow: {}",
-                counted(found.other_mode.len(), "posture"),
+                counted(found.other_mode.len(), self.word()),
                 found.other_mode.join(", ")
             ));
         }
@@ -219,6 +219,12 @@ impl Summary<'_> {
             units.length_symbol(),
             digits(side.difference),
         )
+    }
+
+    /// What samples that are named one by one are called: where each is a posture of its own, a posture.
+    fn word(&self) -> &'static str {
+        let (postures, samples) = self.taking_part();
+        if postures == samples { "posture" } else { "sample" }
     }
 
     /// Whether links are free, or their tolerances large beside the machine.

@@ -1,17 +1,18 @@
 //! Truth and data of a run.
 
 use super::line::Source;
-use crate::calibration::Sample;
-use crate::files::{BenchmarkDrawing, Blank, Kind, ProblemFile};
+use crate::calibration::{ByPosture, Sample};
+use crate::files::{BenchmarkDrawing, Blank, DataSet, Kind, ProblemFile};
 use crate::identify::run::placed;
 use crate::identify::{IdentifyError, NoiseEstimate, identify_without_noise};
 use crate::lie::{Se3, so3};
 use crate::measure::pose::NotPositive;
-use crate::measure::{Measurement, Pose, Weights};
+use crate::measure::{Measurement, OfPosture, Pose, Weights};
 use crate::model::{Geometry, Mechanism};
 use crate::simulate::readings::Reading;
 use crate::simulate::{
-    Plan, SimulateError, Simulated, SimulatedSet, draw_deviations, simulate_sets_truth, simulate_truth,
+    Plan, SimulateError, Simulated, SimulatedSet, at_each_posture, draw_deviations, simulate_sets_truth,
+    simulate_truth,
 };
 use crate::solve::Stop;
 use crate::solve::minimal::Minimal;
@@ -114,7 +115,7 @@ fn simulated(
         .data
         .parts()
         .iter()
-        .map(|set| recipe.poses.unwrap_or(if set.is_empty() { POSES } else { set.samples.len() }))
+        .map(|set| recipe.poses.unwrap_or(if set.is_empty() { POSES } else { postures_of(set) }))
         .collect();
     let poses = counts.iter().sum();
     let distance = recipe.distance.unwrap_or(1.0);
@@ -132,13 +133,16 @@ fn simulated_poses(
     plan: &Plan,
 ) -> Result<(Vec<Sample>, Vec<Sample>, Geometry), DrawError> {
     let covariance = problem.data.noise.ok_or(DrawError::NoNoise)? * (noise * noise);
-    let drawn = simulate_by(recipe, &problem.mechanism, &covariance, plan)?;
+    let common = problem.data.posture_noise.unwrap_or_default().scaled(noise);
+    // With one sample a posture what is common to its samples is noise like the other.
+    let whole = covariance + Matrix6::from_diagonal(&common.variances());
+    let drawn = simulate_by(recipe, &problem.mechanism, &whole, plan)?;
     let rotation = problem.data.kind != Kind::Position;
     let seen = [rotation, rotation, rotation, true, true, true];
     type Make = fn(Se3, [bool; 6], &Matrix6<f64>) -> Result<Pose, NotPositive>;
     let measured = |name: &str, make: Make, poses: Vec<(Vec<f64>, Se3)>| {
         let sample = |(k, (actuators, pose)): (usize, (Vec<f64>, Se3))| {
-            let measurement = Arc::new(make(pose, seen, &covariance)?);
+            let measurement = OfPosture::by(Arc::new(make(pose, seen, &covariance)?), common);
             Ok(Sample { name: format!("{name} {}", k + 1), actuators, measurement })
         };
         poses.into_iter().enumerate().map(sample).collect::<Result<Vec<_>, NotPositive>>()
@@ -147,6 +151,15 @@ fn simulated_poses(
     // Hold-out poses are the true ones, rotations included whatever the instrument sees: in its noise only what it sees.
     let holdout = measured("hold-out", Pose::known, drawn.holdout)?;
     Ok((samples, holdout, drawn.truth))
+}
+
+/// Postures of a set that are to be drawn: where each is measured in several ways there are fewer than samples.
+fn postures_of(set: &DataSet) -> usize {
+    let blanks: Vec<_> = set.blanks.iter().map(|blank| blank.measurement.clone()).collect();
+    match at_each_posture(&blanks) {
+        1 => set.samples.len(),
+        _ => ByPosture::of(&set.samples).count(),
+    }
 }
 
 /// Readings of the problem's kinds, set by set; those of the hold-out are true ones.

@@ -7,7 +7,7 @@ use super::fault::Fault;
 use super::filling::Filling;
 use super::instrument::{Instrument, InstrumentDrawing};
 use super::kinds::{self, Reader};
-use super::noise::{CovarianceDrawing, NoiseDrawing, assumed_noise, read_noise};
+use super::noise::{CovarianceDrawing, NoiseDrawing, PostureNoiseDrawing, assumed_noise, read_noise};
 use super::place::Place;
 use super::pose::PoseDrawing;
 use super::problem::DataPlaces;
@@ -35,6 +35,10 @@ pub struct DataDrawing {
     /// Instead of `noise`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CovarianceDrawing>,
+    /// What all samples of one posture have in common beside their own noise. Of the data as a whole, their hold-out
+    /// included.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub posture_noise: Option<PostureNoiseDrawing>,
     /// CSV file, beside the problem file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
@@ -154,8 +158,12 @@ impl DataDrawing {
         let sets = self.sets.iter().flatten().enumerate().map(|(i, set)| (set, list.index(i)));
         let holdout = self.holdout.iter().map(|holdout| (&**holdout, at.key("holdout")));
         for (part, at) in sets.chain(holdout) {
-            if part.instrument.is_some() {
-                return Err(at.key("instrument").error(Fault::OfWholeData("instrument")));
+            for (key, stated) in
+                [("instrument", part.instrument.is_some()), ("posture_noise", part.posture_noise.is_some())]
+            {
+                if stated {
+                    return Err(at.key(key).error(Fault::OfWholeData(key)));
+                }
             }
         }
         match &self.instrument {
@@ -178,7 +186,9 @@ impl DataDrawing {
             }
             Some(holdout) => holdout.inheriting(self).read_sets(context, &at.key("holdout"))?,
         };
-        Ok((data, holdout))
+        let Some(stated) = &self.posture_noise else { return Ok((data, holdout)) };
+        let common = stated.read(context.units, &at.key("posture_noise"))?;
+        Ok((data.with_posture_noise(common), holdout.with_posture_noise(common)))
     }
 
     /// The same, with what is left out taken from `data`: kind and noise, the names of the columns, and what

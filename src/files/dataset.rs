@@ -8,7 +8,7 @@ use super::pose::{Components, PoseDrawing};
 use crate::calibration::Sample;
 use crate::lie::Se3;
 use crate::measure::pose::NotPositive;
-use crate::measure::{Measurement, Pose, Weighted, Weights};
+use crate::measure::{Measurement, OfPosture, Pose, PostureNoise, Weighted, Weights};
 use crate::model::Motion;
 use nalgebra::Matrix6;
 use std::sync::Arc;
@@ -132,6 +132,8 @@ pub struct DataSet {
     pub planned: Vec<PlannedPosture>,
     /// Covariance of a measured pose (rotation first, rad and m), where it is stated for all samples.
     pub noise: Option<Matrix6<f64>>,
+    /// What all samples of one posture have in common, where it is stated.
+    pub posture_noise: Option<PostureNoise>,
     /// Where the data come from, in words.
     pub origin: Option<String>,
     /// One for each combination of what the measurements of this kind refer to; empty where there are several sets.
@@ -174,12 +176,26 @@ impl DataSet {
             planned: sets.iter().flat_map(|set| set.planned.iter().cloned()).collect(),
             written: sets.iter().flat_map(|set| set.written.iter().cloned()).collect(),
             noise: first.and_then(|set| set.noise),
+            posture_noise: None,
             origin,
             blanks: Vec::new(),
             angles_only: false,
             sensed: sets.iter().flat_map(|set| set.sensed.iter().cloned()).collect(),
             sets,
         }
+    }
+
+    /// The same, whose samples have this in common with the others of their posture.
+    pub(super) fn with_posture_noise(mut self, noise: PostureNoise) -> Self {
+        let of = |measurement: &mut Arc<dyn Measurement>| {
+            *measurement = OfPosture::by(measurement.clone(), noise);
+        };
+        self.samples.iter_mut().chain(&mut self.unused).for_each(|sample| of(&mut sample.measurement));
+        self.planned.iter_mut().for_each(|planned| of(&mut planned.measurement));
+        self.blanks.iter_mut().for_each(|blank| of(&mut blank.measurement));
+        self.sets = self.sets.into_iter().map(|set| set.with_posture_noise(noise)).collect();
+        self.posture_noise = Some(noise);
+        self
     }
 
     /// What these kinds of measurement cannot see however many there are, in words.
@@ -232,7 +248,8 @@ impl DataSet {
                         (Some(_), false) => sample.measurement.clone(),
                         (None, false) => sample.measurement.reweighted(Weights::Isotropic { angle, length }),
                     };
-                Ok(Sample { measurement, ..sample.clone() })
+                let common = sample.measurement.posture_noise().unwrap_or_default();
+                Ok(Sample { measurement: OfPosture::by(measurement, common), ..sample.clone() })
             })
             .collect()
     }

@@ -121,6 +121,8 @@ pub enum Fault {
     ActuatorCount { found: usize, wanted: usize, names: String },
     #[error("{0} is no noise; give a positive standard deviation")]
     Noise(f64),
+    #[error("{0} is no noise; give a standard deviation, or 0 where nothing is common")]
+    PostureNoise(f64),
     #[error("{value:e} {unit} is too small for a noise; give at least {least:e} {unit}")]
     SmallNoise { value: f64, least: f64, unit: &'static str },
     #[error("noise of a measured {kind} needs \"{key}\", a positive standard deviation")]

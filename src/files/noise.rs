@@ -4,6 +4,7 @@ use super::error::FileError;
 use super::fault::Fault;
 use super::place::Place;
 use super::units::Units;
+use crate::measure::PostureNoise;
 use crate::measure::pose::Weighting;
 use crate::model::Mechanism;
 use nalgebra::{Matrix6, Vector6};
@@ -30,6 +31,41 @@ pub struct NoiseDrawing {
     /// Instead of both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CovarianceDrawing>,
+}
+
+/// What all samples of one posture have in common: standard deviations of a tool twist at the tool point.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PostureNoiseDrawing {
+    /// Of each rotation component, angle of the file; none where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle: Option<f64>,
+    /// Of each displacement, length of the file; none where left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length: Option<f64>,
+}
+
+impl PostureNoiseDrawing {
+    /// As a file writes it; what is zero is left out.
+    pub fn of(noise: PostureNoise, units: Units) -> Self {
+        let stated = |v: f64| (v > 0.0).then_some(v);
+        Self {
+            angle: stated(units.from_radians(noise.angle)),
+            length: stated(units.from_metres(noise.length)),
+        }
+    }
+
+    /// In rad and m.
+    pub fn read(&self, units: Units, at: &Place<'_>) -> Result<PostureNoise, FileError> {
+        let (angle, length) = (self.angle.unwrap_or(0.0), self.length.unwrap_or(0.0));
+        let (angle_at, length_at) = (at.key("angle"), at.key("length"));
+        for (value, at) in [(angle, &angle_at), (length, &length_at)] {
+            if value.is_nan() || value < 0.0 {
+                return Err(at.error(Fault::PostureNoise(value)));
+            }
+        }
+        Ok(PostureNoise { angle: units.angle(angle, &angle_at)?, length: units.length(length, &length_at)? })
+    }
 }
 
 /// What must be stated of the noise of a kind of measurement.

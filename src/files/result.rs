@@ -8,8 +8,8 @@ use super::noise::NoiseDrawing;
 use super::place::Place;
 use super::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, EstimateEntry,
-    LinkResult, MountResult, SetAsideEntry, SourceEntry, ToleranceFactor, TraceEntry, UnusedEntry,
-    WeightEntry, numbers,
+    LinkResult, MountResult, PostureNoiseEntry, SetAsideEntry, SourceEntry, ToleranceFactor, TraceEntry,
+    UnusedEntry, WeightEntry, numbers,
 };
 use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;
@@ -45,6 +45,12 @@ pub struct ResultFile {
     pub iterations: usize,
     /// Of every number.
     pub units: Units,
+    /// Postures that took part: samples of equal actuator readings are one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub postures: Option<usize>,
+    /// Samples that took part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples: Option<usize>,
     /// What can be seen.
     pub counts: Counts,
     /// Errors on the poses that were used.
@@ -63,6 +69,9 @@ pub struct ResultFile {
     /// Noise estimated from the residual, where none is stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_estimate: Option<NoiseDrawing>,
+    /// What the samples of a posture have in common, estimated from them, where it is not stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub posture_noise_estimate: Option<PostureNoiseEntry>,
     /// What deserves attention, in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,

@@ -134,9 +134,12 @@ fn estimate(found: &Identification, samples: &[Sample]) -> Option<NoiseEstimate>
         let unit = sample.measurement.reweighted(Weights::Unit);
         evaluation.clear();
         unit.evaluate(&postures.view(sample, &found.geometry), &mut evaluation);
+        let common = sample.measurement.posture_noise().unwrap_or_default().variances();
         for (k, row) in evaluation.rows.iter().enumerate() {
             let sum = if unit.is_angle(k) { &mut angles } else { &mut lengths };
-            *sum = (sum.0 + row.r * row.r, sum.1 + 1.0);
+            // What is stated to be common is no noise of the reading.
+            let shared: f64 = row.by_tool.iter().zip(common.iter()).map(|(by, v)| by * by * v).sum();
+            *sum = (sum.0 + row.r * row.r - shared, sum.1 + 1.0);
         }
     }
     // Where linear theory does not say what was fitted, as with bounds, the practical count stands in.
@@ -145,7 +148,7 @@ fn estimate(found: &Identification, samples: &[Sample]) -> Option<NoiseEstimate>
     let freedom = found.chi_square().map(|(_, freedom)| freedom).or_else(fitted)?;
     let correction = (rows / freedom.max(1.0)).sqrt();
     let sigma = |(square, count): (f64, f64), least: f64| {
-        let sigma = (square / f64::max(count, 1.0)).sqrt() * correction;
+        let sigma = (square.max(0.0) / f64::max(count, 1.0)).sqrt() * correction;
         (count > 0.0 && sigma.is_finite()).then_some(sigma.max(least))
     };
     // Exact data leave rounding only; weights must stay finite.

@@ -17,7 +17,8 @@ pub struct Residual {
     pub components: [Option<f64>; 6],
     /// The same in standard deviations of the noise, made independent of those before it.
     pub whitened: [Option<f64>; 6],
-    /// All residuals of the sample, of whatever kind, in standard deviations of the noise.
+    /// All residuals of the sample, of whatever kind, in standard deviations of the noise; what is common to its posture
+    /// counts as noise of its own.
     pub rows: Vec<f64>,
 }
 
@@ -37,6 +38,9 @@ pub fn residuals(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample])
         let rows = |of: &dyn crate::measure::Measurement| {
             let mut out = Evaluation::default();
             of.evaluate(&view, &mut out);
+            if let Some(common) = of.posture_noise() {
+                common.whiten(&mut out);
+            }
             out.rows
         };
         let weighted = rows(sample.measurement.as_ref());

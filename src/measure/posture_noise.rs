@@ -38,6 +38,11 @@ impl PostureNoise {
         [a, a, a, l, l, l]
     }
 
+    /// Variance of each component, rad^2 and m^2.
+    pub fn variances(self) -> Vector6<f64> {
+        Vector6::from(self.sigma().map(|sigma| sigma * sigma))
+    }
+
     /// A draw: a tool twist `[w; dp]`.
     pub fn draw(self, normal: &mut dyn FnMut() -> f64) -> [f64; 6] {
         self.sigma().map(|sigma| sigma * normal())

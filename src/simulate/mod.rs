@@ -2,7 +2,7 @@
 
 pub mod readings;
 
-pub use readings::{SimulatedSet, read, simulate_sets, simulate_sets_truth, touch};
+pub use readings::{SimulatedSet, at_each_posture, read, simulate_sets, simulate_sets_truth, touch};
 
 use crate::lie::{Se3, so3};
 use crate::model::inverse::close_by_path;

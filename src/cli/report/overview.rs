@@ -2,6 +2,7 @@
 
 use super::errors::{self, measured};
 use super::study::Study;
+use crate::calibration::ByPosture;
 use crate::cli::wording::counted;
 use crate::files::ResultFile;
 use crate::render::text::digits;
@@ -57,7 +58,11 @@ fn outcome(result: &ResultFile, study: &Result<Study, String>) -> Table {
     row("iterations", result.iterations.to_string());
     if let Ok(study) = study {
         let rows: usize = study.training.iter().map(|sample| sample.measurement.rows()).sum();
-        row("postures and readings", format!("{} and {rows}", study.training.len()));
+        let (postures, samples) = (ByPosture::of(&study.training).count(), study.training.len());
+        match postures == samples {
+            true => row("postures and readings", format!("{postures} and {rows}")),
+            false => row("postures, samples and readings", format!("{postures}, {samples} and {rows}")),
+        }
     }
     row("postures set aside", result.set_aside.len().to_string());
     row("parameters, structural", result.counts.structural.to_string());

@@ -4,9 +4,12 @@ use crate::calibration::{Calibration, Sample};
 use crate::cli::error::CliError;
 use crate::cli::identify::divided;
 use crate::cli::wording::{counted, listed};
+use crate::files::noise::PostureNoiseDrawing;
+use crate::files::place::Place;
 use crate::files::summary::{MountResult, PoseErrors};
 use crate::files::{DataPlaces, Model, ProblemFile, ResultFile, read_problem};
 use crate::identify::counts::visibility;
+use crate::identify::posture_noise::sharing;
 use crate::identify::residuals::{Residual, residuals};
 use crate::identify::run::placed;
 use crate::identify::{Covariance, NoiseEstimate, Visibility, score};
@@ -159,6 +162,12 @@ fn study(result: &ResultFile, model: &Model, problem: ProblemFile) -> Result<Stu
             length: noise.length.map(|v| units.to_metres(v)),
         };
         training = noise.weigh(&training);
+    }
+    if let Some(common) = &result.posture_noise_estimate {
+        let drawn = PostureNoiseDrawing { angle: common.angle, length: common.length };
+        let at = Place::file("result");
+        let common = drawn.read(units, &at.key("posture_noise_estimate")).map_err(|why| why.to_string())?;
+        training = sharing(&training, common);
     }
     let start = placed(drawn, &training).ok_or("its samples do not place base, tool and instrument")?.machine;
     let geometry = drawn.deviated(&deviations);
