@@ -8,7 +8,7 @@ use gough::files::problem::{PROBLEM_FORMAT, ProblemDrawing, parse_model, parse_p
 use gough::files::result::RESULT_FORMAT;
 use gough::files::summary::{
     BeforeAfter, CauseEntry, ChiSquare, Counts, Deviation, EstimateEntry, GroupEntry, LinkResult,
-    MountResult, PoseErrors, SourceEntry, ToleranceFactor, TraceEntry,
+    MountResult, PoseErrors, PostureNoiseEntry, SourceEntry, ToleranceFactor, TraceEntry,
 };
 use gough::files::{DataDrawing, ProblemFile, ResultFile, SampleDrawing, Units, json, read_problem, redraw};
 use gough::lie::{Se3, so3};
