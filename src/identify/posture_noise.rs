@@ -1,4 +1,4 @@
-//! What the samples of a posture have in common, estimated from them (docs/theory.md (10.11), (10.12)).
+//! What the samples of a posture have in common, estimated from them (docs/theory.md (10.20)).
 
 use super::noise::NoiseEstimate;
 use super::run::{Identification, IdentifyError};

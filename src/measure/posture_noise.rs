@@ -1,4 +1,4 @@
-//! What is common to all that is measured at one posture, beside the noise of each reading (docs/theory.md (8.11)).
+//! What is common to all that is measured at one posture, beside the noise of each reading (docs/theory.md (8.12), (8.13)).
 
 use super::closed::ClosedAt;
 use super::measurement::{
