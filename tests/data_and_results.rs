@@ -3,12 +3,12 @@
 mod spoiled;
 
 use gough::files::UncertaintyDrawing;
-use gough::files::noise::{NoiseDrawing, assumed_noise};
+use gough::files::noise::{NoiseDrawing, PostureNoiseEntry, assumed_noise};
 use gough::files::problem::{PROBLEM_FORMAT, ProblemDrawing, parse_model, parse_problem};
 use gough::files::result::RESULT_FORMAT;
 use gough::files::summary::{
     BeforeAfter, CauseEntry, ChiSquare, Counts, Deviation, EstimateEntry, GroupEntry, LinkResult,
-    MountResult, PoseErrors, PostureNoiseEntry, SourceEntry, ToleranceFactor, TraceEntry,
+    MountResult, PoseErrors, SourceEntry, ToleranceFactor, TraceEntry,
 };
 use gough::files::{DataDrawing, ProblemFile, ResultFile, SampleDrawing, Units, json, read_problem, redraw};
 use gough::lie::{Se3, so3};

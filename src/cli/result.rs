@@ -3,13 +3,12 @@
 use super::summary::Summary;
 use super::wording::reason;
 use crate::calibration::SetAside;
-use crate::files::noise::{NoiseDrawing, PostureNoiseDrawing};
+use crate::files::noise::{NoiseDrawing, PostureNoiseDrawing, PostureNoiseEntry};
 use crate::files::place::Place;
 use crate::files::result::RESULT_FORMAT;
 use crate::files::summary::{
     ActiveBoundEntry, BeforeAfter, ConstantResult, Counts, CrossValidationEntry, Deviation, LinkResult,
-    MountResult, PoseErrors, PostureNoiseEntry, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry,
-    WeightEntry,
+    MountResult, PoseErrors, SetAsideEntry, SourceEntry, TraceEntry, UnusedEntry, WeightEntry,
 };
 use crate::files::{MechanismDrawing, ResultFile, UncertaintyDrawing, Units, from_quantity, redraw};
 use crate::identify::{self, Fit, Variance};

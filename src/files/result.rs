@@ -4,12 +4,12 @@ use super::drawing::MechanismDrawing;
 use super::error::{FileError, quoted};
 use super::fault::Fault;
 use super::json;
-use super::noise::NoiseDrawing;
+use super::noise::{NoiseDrawing, PostureNoiseEntry};
 use super::place::Place;
 use super::summary::{
     ActiveBoundEntry, BeforeAfter, ChiSquare, ConstantResult, Counts, CrossValidationEntry, EstimateEntry,
-    LinkResult, MountResult, PostureNoiseEntry, SetAsideEntry, SourceEntry, ToleranceFactor, TraceEntry,
-    UnusedEntry, WeightEntry, numbers,
+    LinkResult, MountResult, SetAsideEntry, SourceEntry, ToleranceFactor, TraceEntry, UnusedEntry,
+    WeightEntry, numbers,
 };
 use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;

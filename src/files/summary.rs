@@ -20,20 +20,6 @@ fn triple<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 3], D::Err
     Ok(list.map(|v| v.unwrap_or(f64::NAN)))
 }
 
-/// What the samples of a posture have in common, as it was estimated.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PostureNoiseEntry {
-    /// Of each rotation component, angle of the file; none where left out, as in `data.posture_noise`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub angle: Option<f64>,
-    /// Of each displacement of the tool point, length of the file; none where left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub length: Option<f64>,
-    /// Probability that samples without anything in common look as if they had it.
-    pub probability: f64,
-}
-
 /// One accepted iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
