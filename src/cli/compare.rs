@@ -8,7 +8,7 @@ use crate::compare::execute::execute;
 use crate::compare::line::{RunKey, RunLine, Source};
 use crate::compare::publish;
 use crate::compare::store::{self, Store};
-use crate::compare::study::Mixed;
+use crate::compare::study::{Mixed, belong};
 use crate::compare::tolerance::Tolerance;
 use crate::files::{DataPlaces, FileError, Output, read_problem};
 use crate::model::mobility;
@@ -136,8 +136,14 @@ fn campaign(args: &Args, folder: Option<&Path>) -> Result<Vec<RunLine>, CliError
         Some(Shard { index, count }) => format!("runs-{index}-of-{count}.jsonl"),
     });
     let (store, found) = Store::open(&path)?;
-    let there: HashMap<String, RunLine> =
-        found.lines.into_iter().map(|(_, line)| (line.run.text(), line)).collect();
+    let lines: Vec<RunLine> = found.lines.into_iter().map(|(_, line)| line).collect();
+    belong(&lines, &order).map_err(|why| {
+        CliError::Usage(format!(
+            "{}: {why}; give -o a folder of its own, or remove this file",
+            path.display()
+        ))
+    })?;
+    let there: HashMap<String, RunLine> = lines.into_iter().map(|line| (line.run.text(), line)).collect();
     let pending = missing(&cells, &there);
     let count: usize = pending.iter().map(|cell| cell.runs.len()).sum();
     if count < order.len() {

@@ -59,6 +59,8 @@ pub struct Drawn {
     pub samples: Vec<Sample>,
     /// Poses to predict.
     pub holdout: Vec<Sample>,
+    /// Whether the problem states the noise of its data.
+    pub noise_stated: bool,
     /// The true links, where they are known.
     pub truth: Option<Geometry>,
     /// Link deviations to start from (rad, m).
@@ -85,7 +87,7 @@ pub fn draw(
         }
     };
     let start = placed(mechanism, &samples).map_or_else(|| mechanism.clone(), |found| found.machine);
-    Ok(Drawn { start, samples, holdout, truth, from })
+    Ok(Drawn { noise_stated: problem.data.has_noise(), start, samples, holdout, truth, from })
 }
 
 type Measured = (Vec<Sample>, Vec<Sample>, Option<Geometry>);

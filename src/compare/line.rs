@@ -99,8 +99,12 @@ pub struct Verified {
     /// Cost no higher than that of the truth with its prior, or of the nominal machine without a truth; of constrained,
     /// sparse and robust estimates what they minimise, no higher than at the truth.
     pub cost: Option<bool>,
-    /// Predicted poses within the tolerance of the bound, or better than before without a truth.
+    /// Predicted poses within the tolerance of the bound, or better than before without a truth. Where limits exclude the
+    /// truth the bound does not hold and has no say.
     pub prediction: Option<bool>,
+    /// Whether the stated noise explains the residual; asked where no truth is known.
+    #[serde(default)]
+    pub explained: Option<bool>,
     /// What failed, in words; empty where nothing did.
     pub reason: String,
 }
@@ -147,6 +151,18 @@ pub struct Consistency {
     pub probability: f64,
 }
 
+/// Chi-square of a residual against the stated noise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Residual {
+    /// `|r|^2` of the postures that take part.
+    pub chi_square: f64,
+    /// Its expectation (10.5); the number of rows where linear theory does not apply.
+    pub freedom: f64,
+    /// Probability of a larger value.
+    pub probability: f64,
+}
+
 /// Scores by the problem.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -180,6 +196,9 @@ pub struct Score {
     pub bound: Option<Prediction>,
     /// `after` by `bound`, in standard deviations.
     pub ratio: Option<f64>,
+    /// Residual against the stated noise, where no truth is known.
+    #[serde(default)]
+    pub residual: Option<Residual>,
     /// Errors of identifiable parameters.
     pub parameters: Option<Parameters>,
     /// Whether the stated covariance is true.

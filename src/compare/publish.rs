@@ -32,6 +32,7 @@ pub fn files(lines: &[RunLine]) -> Result<Vec<Named>, Mixed> {
     files.extend(tables.iter().map(|table| (format!("{}.csv", table.id), table.csv())));
     let figures = figures(&study);
     files.extend(figures.iter().map(|figure| (format!("{}.svg", figure.id), svg(figure))));
+    files.extend(figures.iter().map(|figure| (format!("{}.csv", figure.id), figure.csv())));
     let mut about = Section::new("About");
     for note in study.notes() {
         about = about.with(Part::Text(format!("Note: {note}.")));

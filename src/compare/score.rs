@@ -2,7 +2,7 @@
 
 use super::bound::Bound;
 use super::draw::Drawn;
-use super::line::{Consistency, Parameters, Prediction, Score, Verified};
+use super::line::{Consistency, Parameters, Prediction, Residual, Score, Verified};
 use super::objective::judged;
 use super::offset::relative_offset;
 use super::tolerance::Tolerance;
@@ -16,6 +16,9 @@ use crate::model::{Geometry, Mechanism, Prior};
 use crate::problem::Form;
 use crate::solve::Estimate;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Probability of the residual's chi-square below which the stated noise does not explain it.
+const UNEXPLAINED: f64 = 1e-3;
 
 /// Cost `|r|^2 / 2` of the geometry over all samples; `None` where some do not close.
 pub fn cost(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Option<f64> {
@@ -70,10 +73,22 @@ pub fn after(
         objective_reference: judged.and_then(|judged| judged.reference),
         after,
         ratio,
+        residual: if drawn.truth.is_none() && drawn.noise_stated { residual(found) } else { None },
         parameters: bound.zip(error.as_ref()).and_then(|(bound, error)| parameters(bound, error)),
         consistency: error.as_ref().and_then(|error| consistency(found, error)),
         ..before.clone()
     }
+}
+
+/// Residual of the postures that take part, against the noise.
+fn residual(found: &Identification) -> Option<Residual> {
+    let rows = found.rows as f64;
+    let (chi_square, freedom) = match found.chi_square() {
+        Some(found) => found,
+        None => (found.fit.1?.weighted_rms.powi(2) * rows, rows),
+    };
+    let probability = ChiSquared::new(freedom).ok()?.sf(chi_square);
+    Some(Residual { chi_square: finite(chi_square)?, freedom, probability: finite(probability)? })
 }
 
 fn finite(value: f64) -> Option<f64> {
@@ -146,7 +161,10 @@ pub fn verify(score: &Score, tolerance: &Tolerance) -> Verified {
     let within = |limit: f64| cost.is_some_and(|cost| cost <= limit * (1.0 + tolerance.cost));
     let cost = check(least.map(within), &|| format!("cost {} above {}", shown(cost), shown(least)));
     let predicted = score.after.poses > 0 && score.after.poses >= score.before.poses;
+    // Limits that exclude the truth are kept at the cost of a prediction for which the bound does not hold.
+    let excluded = score.truth && score.objective.is_some() && score.objective_reference.is_none();
     let prediction = match (score.bound, score.before.in_noise) {
+        _ if excluded => None,
         (Some(_), _) => Some(predicted && score.ratio.is_some_and(|ratio| ratio <= tolerance.prediction)),
         (None, Some(before)) => Some(predicted && score.after.in_noise.is_some_and(|after| after <= before)),
         (None, None) => None,
@@ -156,12 +174,17 @@ pub fn verify(score: &Score, tolerance: &Tolerance) -> Verified {
         (true, Some(ratio)) => format!("hold-out error {ratio:.2} times the bound"),
         (true, None) => format!("hold-out error {} in noise", shown(score.after.in_noise)),
     });
+    let explained = check(score.residual.map(|found| found.probability >= UNEXPLAINED), &|| {
+        let found = score.residual.map_or((f64::NAN, f64::NAN), |found| (found.chi_square, found.freedom));
+        format!("chi-square {:.4} of {:.4}: the stated noise does not explain the residual", found.0, found.1)
+    });
     let known = stationary.is_some() || cost.is_some() || prediction.is_some();
     Verified {
         success: known && reasons.is_empty(),
         stationary,
         cost,
         prediction,
+        explained,
         reason: reasons.join("; "),
     }
 }

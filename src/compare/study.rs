@@ -1,6 +1,6 @@
 //! Result lines put in order: by condition (problem, noise, start), by identifier, by seed.
 
-use super::line::{RunLine, Source};
+use super::line::{RunKey, RunLine, Source};
 use super::profile::Descent;
 use super::tolerance::Tolerance;
 use crate::solve::registry;
@@ -43,7 +43,7 @@ impl<'a> Study<'a> {
     /// Puts lines in order; `None` of no lines.
     pub fn new(lines: &'a [RunLine]) -> Result<Option<Self>, Mixed> {
         let Some(sample) = lines.first() else { return Ok(None) };
-        check(lines, sample)?;
+        check(lines)?;
         let known: Vec<&str> = registry::all().iter().map(|identifier| identifier.name()).collect();
         let rank = |line: &RunLine| known.iter().position(|name| *name == line.run.solver.name);
         let mut solvers: Vec<(Option<usize>, String)> =
@@ -122,6 +122,12 @@ impl<'a> Study<'a> {
         rows
     }
 
+    /// Whether the true machine of some problem is not known.
+    pub fn without_truth(&self) -> bool {
+        let runs = || self.conditions.iter().flat_map(|condition| &condition.runs).flatten();
+        runs().any(|line| line.score.samples > 0 && !line.score.truth)
+    }
+
     /// What people must know to read the tables.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
@@ -146,11 +152,22 @@ pub fn descent(line: &RunLine) -> Descent {
     Descent { falls: line.effort.falls.clone() }
 }
 
+/// Refuses runs of a file that do not belong in one table with those that are planned: another content of a problem,
+/// another version, another tolerance.
+pub fn belong(there: &[RunLine], planned: &[RunKey]) -> Result<(), Mixed> {
+    alike(planned.iter().chain(there.iter().map(|line| &line.run)))
+}
+
 /// Refuses lines that differ in what a table has in common.
-fn check(lines: &[RunLine], sample: &RunLine) -> Result<(), Mixed> {
+fn check(lines: &[RunLine]) -> Result<(), Mixed> {
+    alike(lines.iter().map(|line| &line.run))
+}
+
+fn alike<'k>(mut keys: impl Iterator<Item = &'k RunKey> + Clone) -> Result<(), Mixed> {
     let mut hashes: BTreeMap<&str, &str> = BTreeMap::new();
-    for line in lines {
-        let (a, b) = (&sample.run, &line.run);
+    let all = keys.clone();
+    let Some(a) = keys.next() else { return Ok(()) };
+    for b in all {
         let tolerance = |of: &Tolerance| match a.tolerance.name == b.tolerance.name {
             true => serde_json::to_string(of).unwrap_or_default(),
             false => of.name.clone(),
@@ -168,11 +185,10 @@ fn check(lines: &[RunLine], sample: &RunLine) -> Result<(), Mixed> {
                 return Err(Mixed { what: what.into(), one, other });
             }
         }
-        let problem = &line.run.problem;
-        let first = hashes.entry(&problem.name).or_insert(&problem.hash);
-        if *first != problem.hash {
-            let what = format!("the content of problem {}", problem.name);
-            return Err(Mixed { what, one: (*first).to_owned(), other: problem.hash.clone() });
+        let first = hashes.entry(&b.problem.name).or_insert(&b.problem.hash);
+        if *first != b.problem.hash {
+            let what = format!("the content of problem {}", b.problem.name);
+            return Err(Mixed { what, one: (*first).to_owned(), other: b.problem.hash.clone() });
         }
     }
     Ok(())

@@ -30,9 +30,10 @@ fn share(count: usize, of: usize) -> Cell {
     }
 }
 
-fn interval(count: usize, of: usize) -> Cell {
+/// Ends of the 95 % interval of a share, in percent.
+fn interval(count: usize, of: usize) -> [Cell; 2] {
     let (low, high) = wilson(count, of);
-    Cell::valued(format!("{:.0}..{:.0} %", 100.0 * low, 100.0 * high), 100.0 * low)
+    [low, high].map(|end| Cell::valued(format!("{:.0} %", 100.0 * end), 100.0 * end))
 }
 
 /// A value, `limit` where it is infinite.
@@ -40,11 +41,12 @@ fn number(value: f64) -> Cell {
     if value.is_finite() { Cell::number(value, 3) } else { Cell::valued("limit", f64::INFINITY) }
 }
 
-/// Median, and quartiles in a cell of their own.
-fn spread(values: impl Iterator<Item = f64>) -> [Cell; 2] {
-    let Some(Middle { low, median, high }) = middle(values) else { return [Cell::none(), Cell::none()] };
-    let (low_text, high_text) = (number(low).text, number(high).text);
-    [number(median), Cell::valued(format!("{low_text}..{high_text}"), low)]
+/// Median, lower and upper quartile.
+fn spread(values: impl Iterator<Item = f64>) -> [Cell; 3] {
+    match middle(values) {
+        Some(Middle { low, median, high }) => [median, low, high].map(number),
+        None => [Cell::none(), Cell::none(), Cell::none()],
+    }
 }
 
 fn verified(runs: &[&RunLine]) -> usize {
@@ -64,19 +66,23 @@ pub fn by_problem(study: &Study) -> Table {
         "identifier",
         "#runs",
         "#verified",
-        "#95 % interval",
+        "#verified: from",
+        "#verified: to",
         "#claimed",
         "#position error / µm",
-        "#quartiles",
+        "#position: quartile 1",
+        "#position: quartile 3",
         "#rotation error / µrad",
-        "#quartiles",
+        "#rotation: quartile 1",
+        "#rotation: quartile 3",
         "#error in noise",
         "#error by bound",
         "#in 95 % region",
         "#evaluations",
         "#iterations",
         "#wall time / ms",
-        "#quartiles",
+        "#wall time: quartile 1",
+        "#wall time: quartile 3",
         "#processor time / ms",
     ];
     let mut table = Table::new("by-problem", "Problems", &columns).captioned(
@@ -99,42 +105,34 @@ pub fn by_problem(study: &Study) -> Table {
             // What the hold-out does not measure is no failure.
             let measured = |of: fn(&Prediction) -> Option<f64>| {
                 if !runs.iter().any(|line| of(&line.score.before).is_some()) {
-                    return [Cell::none(), Cell::none()];
+                    return [Cell::none(), Cell::none(), Cell::none()];
                 }
                 spread(runs.iter().map(|line| 1e6 * or_infinite(of(&line.score.after))))
             };
-            let [position, position_spread] = measured(|error| error.position);
-            let [rotation, rotation_spread] = measured(|error| error.rotation);
-            let [in_noise, _] = of(|line| or_infinite(line.score.after.in_noise));
+            let position = measured(|error| error.position);
+            let rotation = measured(|error| error.rotation);
+            let [in_noise, ..] = of(|line| or_infinite(line.score.after.in_noise));
             let ratios = runs.iter().filter(|line| line.score.bound.is_some());
-            let [ratio, _] = spread(ratios.map(|line| or_infinite(line.score.ratio)));
-            let [evaluations, _] = of(|line| if_verified(line, line.evaluations()));
-            let [iterations, _] = of(|line| if_verified(line, line.effort.iterations as f64));
-            let [time, time_spread] = of(|line| if_verified(line, 1e3 * line.cost.wall));
+            let [ratio, ..] = spread(ratios.map(|line| or_infinite(line.score.ratio)));
+            let [evaluations, ..] = of(|line| if_verified(line, line.evaluations()));
+            let [iterations, ..] = of(|line| if_verified(line, line.effort.iterations as f64));
+            let time = of(|line| if_verified(line, 1e3 * line.cost.wall));
             let times = runs.iter().filter_map(|line| Some(if_verified(line, 1e3 * line.cost.cpu?)));
-            let [processor, _] = spread(times);
-            table.push(vec![
+            let [processor, ..] = spread(times);
+            let mut row = vec![
                 Cell::text(condition.problem),
                 Cell::number(condition.noise, 2),
                 Cell::number(condition.start, 2),
                 Cell::text(solver),
                 Cell::count(n),
                 share(verified(runs), n),
-                interval(verified(runs), n),
-                share(runs.iter().filter(|line| claimed(line)).count(), n),
-                position,
-                position_spread,
-                rotation,
-                rotation_spread,
-                in_noise,
-                ratio,
-                share(inside, regions),
-                evaluations,
-                iterations,
-                time,
-                time_spread,
-                processor,
-            ]);
+            ];
+            row.extend(interval(verified(runs), n));
+            row.push(share(runs.iter().filter(|line| claimed(line)).count(), n));
+            row.extend(position.into_iter().chain(rotation));
+            row.extend([in_noise, ratio, share(inside, regions), evaluations, iterations]);
+            row.extend(time.into_iter().chain([processor]));
+            table.push(row);
         }
     }
     table
@@ -146,17 +144,25 @@ pub fn claims(study: &Study) -> Table {
         "identifier",
         "#runs",
         "#verified",
-        "#95 % interval",
+        "#verified: from",
+        "#verified: to",
         "#claimed",
         "#claimed, verified",
         "#claimed, not verified",
         "#verified, not claimed",
         "most frequent reason of failure",
     ];
-    let mut table = Table::new("claims", "Identifiers", &columns).captioned(
-        "Verified by the problem: the result is a stationary point of what its identifier minimises, costs no more than \
-         the truth does, and predicts the hold-out, each within the tolerance. Claimed: the identifier says that it converged.",
-    );
+    let mut table = Table::new("claims", "Identifiers", &columns).captioned(&format!(
+        "Verified by the problem: the result is a stationary point of what its identifier minimises, {}, each within the \
+         tolerance (95 % interval after Wilson). Claimed: the identifier says that it converged.",
+        match study.without_truth() {
+            false => "costs no more than the truth does, and predicts the hold-out",
+            true => {
+                "costs no more than the truth does where it is known and else than the drawing, predicts the hold-out, and \
+                 without a truth leaves a residual that the stated noise explains"
+            }
+        }
+    ));
     for (index, solver) in study.solvers.iter().enumerate() {
         let runs: Vec<&RunLine> = study.runs(index).collect();
         let n = runs.len();
@@ -168,17 +174,16 @@ pub fn claims(study: &Study) -> Table {
             *reasons.entry(reason(line)).or_default() += 1;
         }
         let most = reasons.iter().max_by_key(|(reason, count)| (**count, std::cmp::Reverse(**reason)));
-        table.push(vec![
-            Cell::text(solver),
-            Cell::count(n),
-            share(verified(&runs), n),
-            interval(verified(&runs), n),
+        let mut row = vec![Cell::text(solver), Cell::count(n), share(verified(&runs), n)];
+        row.extend(interval(verified(&runs), n));
+        row.extend([
             share(count(true, true) + count(true, false), n),
             Cell::count(count(true, true)),
             Cell::count(count(true, false)),
             Cell::count(count(false, true)),
             most.map_or_else(Cell::none, |(reason, count)| Cell::text(format!("{reason} ({count})"))),
         ]);
+        table.push(row);
     }
     table
 }
@@ -191,7 +196,11 @@ fn reason(line: &RunLine) -> &'static str {
         Ended::Limit => "iteration or evaluation limit",
         Ended::Failed => "gave up",
         Ended::Converged if verified.prediction == Some(false) => "predictions beyond the limit",
-        Ended::Converged if verified.cost == Some(false) => "cost above that of the truth",
+        Ended::Converged if verified.explained == Some(false) => "noise does not explain the residual",
+        Ended::Converged if verified.cost == Some(false) && line.score.truth => {
+            "cost above that of the truth"
+        }
+        Ended::Converged if verified.cost == Some(false) => "cost above that of the drawing",
         Ended::Converged => "not stationary",
     }
 }
@@ -223,7 +232,7 @@ pub fn by_accuracy(study: &Study) -> Table {
         for at in &reached {
             let counts: Vec<f64> = at.iter().filter_map(|row| row.get(index)).copied().collect();
             cells.push(share(counts.iter().filter(|n| n.is_finite()).count(), counts.len()));
-            let [median, _] = spread(counts.into_iter());
+            let [median, ..] = spread(counts.into_iter());
             cells.push(median);
         }
         table.push(cells);

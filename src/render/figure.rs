@@ -2,6 +2,7 @@
 
 use super::axis::Axis;
 use super::palette::Style;
+use crate::cells::field;
 
 /// A point of a series, in units of the axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -158,6 +159,23 @@ impl Figure {
     pub fn with_line(mut self, line: ReferenceLine) -> Self {
         self.lines.push(line);
         self
+    }
+
+    /// The points of all series as CSV, with the ends of their intervals.
+    pub fn csv(&self) -> String {
+        let mut out = "series,x,y,x_low,x_high,y_low,y_high\n".to_owned();
+        for series in &self.series {
+            for point in &series.points {
+                let ends = |interval: Option<(f64, f64)>| match interval {
+                    Some((low, high)) => format!("{low:?},{high:?}"),
+                    None => ",".into(),
+                };
+                let (name, x, y) = (field(&series.name), point.x, point.y);
+                let (across, up) = (ends(point.x_interval), ends(point.y_interval));
+                out.push_str(&format!("{name},{x:?},{y:?},{across},{up}\n"));
+            }
+        }
+        out
     }
 
     /// The same figure with this outline.
