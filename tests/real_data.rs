@@ -1,5 +1,5 @@
-//! Data that other people measured or published. They are not part of the crate: without them the tests say so and
-//! skip (docs/real-data.md names the sources).
+//! Data that other people measured or published. They are not part of the crate: without them the tests
+//! are ignored (docs/real-data.md names the sources).
 
 mod shared;
 mod support;
