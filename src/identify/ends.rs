@@ -36,6 +36,13 @@ pub(super) struct Stand {
     pub instrument: Vec<f64>,
 }
 
+/// Step through so many readings that takes about `most` of them and, the targets of a posture following each other, each
+/// target in turn: no multiple of a few.
+pub(super) fn stride(readings: usize, most: usize) -> usize {
+    let least = readings.div_ceil(most).max(1);
+    (least..).find(|step| [2, 3, 5, 7].iter().all(|few| step % few != 0)).unwrap_or(least)
+}
+
 /// Predicted tool poses with what was measured there.
 pub(super) struct Refinement<'a> {
     seen: Vec<(Se3, &'a Sample)>,
@@ -64,7 +71,7 @@ impl<'a> Refinement<'a> {
     pub fn best(mut self, starts: &[Stand]) -> Option<(Stand, DMatrix<f64>)> {
         let first = starts.first()?;
         let all = std::mem::take(&mut self.seen);
-        self.seen = all.iter().step_by(all.len().div_ceil(TRIED).max(1)).copied().collect();
+        self.seen = all.iter().step_by(stride(all.len(), TRIED)).copied().collect();
         let (_, closed) = self.settled(first, false);
         self.scatter = self.scatter_at(&closed);
         let doubt = self

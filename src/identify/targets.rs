@@ -4,7 +4,7 @@
 //! With `X`'s rotation given the rest is nearly linear. So Gauss-Newton starts from the 24 rotations that map a cube to
 //! itself, of which one lies within 63 degrees of any rotation, and the best end is taken.
 
-use super::ends::Stand;
+use super::ends::{Stand, stride};
 use super::registration::{FreeEnds, Sighting};
 use crate::lie::{Se3, se3, so3};
 use crate::measure::{Clue, Point};
@@ -187,7 +187,7 @@ pub(super) fn place_targets(mechanism: &Mechanism, sightings: &[Sighting], free:
     }
     let few: Vec<Seen> = seen
         .iter()
-        .step_by(seen.len().div_ceil(TRIED))
+        .step_by(stride(seen.len(), TRIED))
         .map(|s| Seen { tool: s.tool, target: s.target, at: s.at })
         .collect();
     let mut best: Option<(f64, Unknowns)> = None;
