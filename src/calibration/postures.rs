@@ -99,7 +99,7 @@ impl ByPosture {
 }
 
 /// The samples themselves, posture by posture.
-pub fn by_posture<'s>(samples: &'s [Sample]) -> Vec<Vec<&'s Sample>> {
+pub fn by_posture(samples: &[Sample]) -> Vec<Vec<&Sample>> {
     ByPosture::of(samples).iter().map(|of| of.iter().map(|i| &samples[*i]).collect()).collect()
 }
 

@@ -79,9 +79,15 @@ fn turn_spread(rotations: &[Matrix3<f64>]) -> f64 {
 /// A target: its place in the tool's frame as far as it is known, by which targets are told apart.
 type Key = (Option<usize>, [u64; 3]);
 
+/// A target that is seen: which, its nominal place in the tool's frame and the measured one, m.
+type Sight = (Key, Vector3<f64>, Vector3<f64>);
+
+/// The places of one target by posture, and where it is in the tool's frame, m.
+type Track = (Vec<Option<Vector3<f64>>>, Vector3<f64>);
+
 struct Targets<'a> {
-    /// Of each posture the targets seen, with their nominal place and the measured one, m.
-    seen: Vec<Vec<(Key, Vector3<f64>, Vector3<f64>)>>,
+    /// Of each posture the targets seen.
+    seen: Vec<Vec<Sight>>,
     loose: bool,
     data: &'a [Reading],
 }
@@ -129,7 +135,7 @@ impl<'a> Targets<'a> {
     }
 
     /// The places of the target that is seen most often, and where it is in the tool's frame.
-    fn most_common(&self) -> Option<(Vec<Option<Vector3<f64>>>, Vector3<f64>)> {
+    fn most_common(&self) -> Option<Track> {
         let all = || self.seen.iter().flatten();
         let count = |key: &Key| all().filter(|(other, _, _)| other == key).count();
         let mut best: Option<(usize, Key, Vector3<f64>)> = None;

@@ -252,7 +252,7 @@ pub(super) fn others(problem: &ProblemFile, data: &[Reading], text: &mut String)
             suspicious |= outstanding(kind, explained, units, text);
         }
     }
-    if !open.is_empty() && !(searched && kinds.is_empty()) {
+    if !open.is_empty() && (!searched || !kinds.is_empty()) {
         let number = counted(open.len(), "sample");
         let _ = writeln!(text, "  {number} whose loops do not close as drawn: {}", listed(&open));
         if 2 * open.len() > samples.len() {

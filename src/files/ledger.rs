@@ -8,11 +8,9 @@ use super::fault::Fault;
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard};
 
-/// Identity of a file.
-#[cfg(unix)]
-type Identity = (u64, u64);
-#[cfg(not(unix))]
-type Identity = std::path::PathBuf;
+/// Identity of a file: device and inode, or its canonical path where the system has none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Identity(#[cfg(unix)] [u64; 2], #[cfg(not(unix))] std::path::PathBuf);
 
 /// What a run reads and writes.
 #[derive(Debug, Default)]
@@ -65,11 +63,11 @@ fn note(path: &Path, both: impl FnOnce(&mut Ledger, Identity) -> bool) -> Result
 fn identity(path: &Path) -> Option<Identity> {
     use std::os::unix::fs::MetadataExt;
     let data = std::fs::metadata(path).ok()?;
-    data.is_file().then(|| (data.dev(), data.ino()))
+    data.is_file().then(|| Identity([data.dev(), data.ino()]))
 }
 
 #[cfg(not(unix))]
 fn identity(path: &Path) -> Option<Identity> {
     std::fs::metadata(path).ok().filter(|data| data.is_file())?;
-    path.canonicalize().ok()
+    path.canonicalize().ok().map(Identity)
 }
