@@ -152,7 +152,7 @@ pub fn claims(study: &Study) -> Table {
         "#verified, not claimed",
         "most frequent reason of failure",
     ];
-    let mut table = Table::new("claims", "Identifiers", &columns).captioned(&format!(
+    let mut table = Table::new("claims", "Identifiers", &columns).captioned(format!(
         "Verified by the problem: the result is a stationary point of what its identifier minimises, {}, each within the \
          tolerance (95 % interval after Wilson). Claimed: the identifier says that it converged.",
         match study.without_truth() {

@@ -50,11 +50,10 @@ pub fn writes(path: &Path) -> Result<(), FileError> {
 
 fn note(path: &Path, both: impl FnOnce(&mut Ledger, Identity) -> bool) -> Result<(), FileError> {
     let mut ledger = ledger();
-    match identity(path).filter(|_| ledger.open) {
-        Some(file) if both(&mut ledger, file) => {
-            Err(FileError::whole(path.display().to_string(), Fault::InputAndOutput))
-        }
-        _ => Ok(()),
+    let Some(file) = identity(path).filter(|_| ledger.open) else { return Ok(()) };
+    match both(&mut ledger, file) {
+        true => Err(FileError::whole(path.display().to_string(), Fault::InputAndOutput)),
+        false => Ok(()),
     }
 }
 
