@@ -166,7 +166,10 @@ fn in_turn(c: &mut Criterion, name: &str, batch: usize, problem: &dyn Problem, s
 fn argmin(c: &mut Criterion) {
     let five = Stop { iterations: 5, step: 0.0, gradient: 0.0, cost: 0.0 };
     in_turn(c, "600 x 138", 1, &Linear::new(138, 138), &[0.0; 138], &five);
-    let Some(directory) = shared::directory("nist") else { return };
+    if !cfg!(shared_nist) {
+        return;
+    }
+    let directory = shared::directory("nist");
     let misra = nist::read(&directory.join("Misra1a.dat")).expect("the file can be read");
     in_turn(c, "NIST Misra1a (14 x 2)", 100, &misra, &misra.starts[0], &nist::TIGHT);
 }

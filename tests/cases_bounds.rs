@@ -248,7 +248,10 @@ fn scipy_finds_the_same() {
     }
 }
 
-fn all_meet_their_conditions(jobs: &[(&str, &str, &[(&str, &str)])]) {
+/// A problem, an identifier and its settings.
+type Job<'a> = (&'a str, &'a str, &'a [(&'a str, &'a str)]);
+
+fn all_meet_their_conditions(jobs: &[Job]) {
     for (path, name, settings) in jobs {
         let (found, conditions) = checked(path, name, settings);
         assert!(found.report.outcome.converged(), "{path} {name} {settings:?}: {}", found.report.outcome);

@@ -36,7 +36,8 @@ fn three_reflectors(common: Option<f64>) -> Value {
         limb.as_object_mut().unwrap().retain(|key, value| key != "tool_tolerance" || value != "free");
     }
     let data = value["data"].as_object_mut().unwrap();
-    (data.remove("file"), data.remove("columns"));
+    data.remove("file");
+    data.remove("columns");
     for target in data["instrument"]["targets"].as_object_mut().unwrap().values_mut() {
         target.as_object_mut().unwrap().remove("tolerance");
     }

@@ -68,7 +68,7 @@ fn planted(drawn: &ProblemFile, what: Planted, seed: u64) -> (Vec<Sample>, Vec<u
     let counts: Vec<usize> = parts.iter().map(|part| part.samples.len()).collect();
     let plan = Plan { poses: 0, holdout: 0, seed, noise: 0.0, distance: 1.0 };
     let exact = simulate_sets_truth(machine, &truth, &blanks, &counts, &plan).unwrap();
-    let all: Vec<(usize, &(Vec<f64>, Arc<dyn Measurement>))> =
+    let all: Vec<_> =
         exact.iter().enumerate().flat_map(|(set, read)| read.samples.iter().map(move |r| (set, r))).collect();
     let count = all.len();
     let rows = |k: usize| all[k].1.1.rows();

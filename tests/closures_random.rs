@@ -171,12 +171,12 @@ fn reached(
     Some(found)
 }
 
+/// Readings and the pose that they make.
+type Posed = (Vec<f64>, Se3);
+
 /// A closed machine of any joints whose motors turn by up to 320 degrees, less where hardly any posture closes then: the
 /// machine, its true links, exact postures and a noise covariance.
-fn random_closed_machine(
-    seed: u64,
-    distance: f64,
-) -> (Mechanism, Geometry, Vec<(Vec<f64>, Se3)>, Matrix6<f64>) {
+fn random_closed_machine(seed: u64, distance: f64) -> (Mechanism, Geometry, Vec<Posed>, Matrix6<f64>) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let pattern = PATTERNS[1 + seed as usize % (PATTERNS.len() - 1)];
     loop {

@@ -221,9 +221,7 @@ fn alike(mechanism: &Mechanism, clean: &[Reading], mended: &[Reading]) -> bool {
             by < 0.03
         })
     });
-    read && moved
-        && (turned && placed
-            || clean.len() == mended.len() && !(turned && placed) && mended_elsewhere(clean, mended))
+    read && moved && (turned && placed || clean.len() == mended.len() && mended_elsewhere(clean, mended))
 }
 
 /// Whether the poses differ by one motion on the left or on the right.
