@@ -3,7 +3,7 @@
 //! `measured_k = X g_k Y` over predicted poses `g_k`. Rotation of X from relative rotations (Park & Martin, IEEE
 //! Trans. Robotics and Automation 10(5), 1994), then Y's rotation, then both translations by linear least
 //! squares; where all rotations share an axis, [`super::common_axis`]. Rotations that are small tell less than that: so the
-//! drawn tool and base are starts, too, and [`super::ends`] refines them and takes the best. With positions only see
+//! drawn tool and base are starts, too, and `super::ends` refines them and takes the best. With positions only see
 //! `targets`; fixed points and planes are placed by `references`.
 
 use super::common_axis::placed;
