@@ -172,7 +172,9 @@ fn share_reached(machine: &Mechanism, plan: &[Vec<f64>], machines: u64) -> f64 {
 fn planned(path: &Path, machine: &Mechanism) -> (Vec<Vec<f64>>, String) {
     let folder = tempfile::tempdir().unwrap();
     let plan = folder.path().join("plan.csv");
-    let ran = done("plan {0} --poses 20 --random 600 -o {1}", &[path, &plan]);
+    // Few random postures of such a machine close, which is a warning.
+    let ran = gough("plan {0} --poses 20 --random 600 -o {1}", &[path, &plan]);
+    assert_eq!(ran.status, 0, "{ran:?}");
     let rows = gough::files::read_actuators(&plan, &read_model(path).unwrap()).unwrap();
     assert_eq!(rows[0].variables.len(), machine.actuator_count());
     (rows.into_iter().map(|row| row.variables).collect(), ran.stdout)

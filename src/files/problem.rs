@@ -174,13 +174,13 @@ pub fn parse_problem(path: &Path, bytes: &[u8], places: &DataPlaces) -> Result<P
     let truth = drawing.truth.as_ref().map(|truth| truth.read(units, &at_truth)).transpose()?;
     let truth = truth.map(|truth| Mechanism { instrument: constants, ..truth.mechanism });
     if let Some(truth) = &truth {
-        mobility::check_structure(truth, &truth.nominal())
-            .map_err(|why| at_truth.error(Fault::NoMachine(Box::new(why))))?;
         let (found, wanted) = (truth.actuator_count(), mechanism.actuator_count());
         if found != wanted {
             let (found, wanted) = (truth.actuator_names().join(", "), mechanism.actuator_names().join(", "));
             return Err(at_truth.error(Fault::OtherActuators { found, wanted }));
         }
+        mobility::check_structure(truth, &truth.nominal())
+            .map_err(|why| at_truth.error(Fault::NoMachine(Box::new(why))))?;
     }
     let name = drawing.name.clone().unwrap_or_else(|| stem(path));
     Ok(ProblemFile { file, name, drawing, units, mechanism, data, holdout, truth, without_tolerance })

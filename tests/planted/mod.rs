@@ -167,11 +167,18 @@ fn one(set_up: &SetUp, mistakes: usize, seed: u64, outcome: &mut Outcome) {
     println!("{told}");
     match found.verdict {
         Verdict::Named if right(mechanism, &set_up.clean, &data, &planted, &found) => outcome.named += 1,
+        // Two mistakes may come to what one is: of stories that explain as much, the shorter one is told.
+        Verdict::Named if found.corrections.len() < planted.len() && explains(&found) => outcome.unseen += 1,
         Verdict::Named => outcome.falsely.push(told),
         Verdict::Explained if mistakes == 0 => outcome.named += 1,
         Verdict::Explained if found.fits[0].is_some_and(|fit| fit.size() < 1.5) => outcome.unseen += 1,
         _ => outcome.unknown.push(told),
     }
+}
+
+/// Whether the story leaves no more than noise and tolerances do.
+fn explains(found: &Finding) -> bool {
+    found.fits[1].is_some_and(|fit| fit.size() < 1.5)
 }
 
 /// Whether the story, or one that it names beside it, gives the numbers back that were there before.
@@ -186,18 +193,22 @@ fn right(
         let of = |c: &Correction| if let Correction::Elsewhere(ends) = c { Some(*ends) } else { None };
         all.iter().filter_map(of).collect()
     };
+    let free = FreeEnds::of(mechanism).base;
     let undoes = |story: &[Correction]| {
         ends(story) == ends(planted)
-            && applied(mechanism, data, story).is_some_and(|mended| alike(mechanism, clean, &mended))
+            && applied(mechanism, data, story).is_some_and(|mended| alike(mechanism, clean, &mended, free))
     };
     // What noise, tolerances and free ends explain besides is no part of a story.
-    let normal = found.fits[1].is_some_and(|fit| fit.size() < 1.5);
-    let part = normal && found.corrections.iter().all(|correction| planted.contains(correction));
-    undoes(&found.corrections) || part || found.alternatives.iter().any(|story| undoes(story))
+    let part =
+        |story: &[Correction]| explains(found) && story.iter().all(|correction| planted.contains(correction));
+    let told = |story: &[Correction]| undoes(story) || part(story);
+    told(&found.corrections) || found.alternatives.iter().any(|story| told(story))
 }
 
 /// Equal numbers; readings as far as homes can be found from a machine that deviates.
-fn alike(mechanism: &Mechanism, clean: &[Reading], mended: &[Reading]) -> bool {
+///
+/// Where the base is `free`, positions count up to one motion.
+fn alike(mechanism: &Mechanism, clean: &[Reading], mended: &[Reading], free: bool) -> bool {
     let length = mechanism.characteristic_length();
     let joints = actuated(mechanism);
     // Where base or tool stand elsewhere, poses moved: they are compared by how far they are apart.
@@ -221,7 +232,22 @@ fn alike(mechanism: &Mechanism, clean: &[Reading], mended: &[Reading]) -> bool {
             by < 0.03
         })
     });
-    read && moved && (turned && placed || clean.len() == mended.len() && mended_elsewhere(clean, mended))
+    let elsewhere = || mended_elsewhere(clean, mended) || free && turned_as_one(clean, mended, 1e-6 * length);
+    read && moved && (turned && placed || clean.len() == mended.len() && elsewhere())
+}
+
+/// Whether positions, measured without rotations, differ by one rotation and one translation.
+fn turned_as_one(clean: &[Reading], mended: &[Reading], within: f64) -> bool {
+    if clean.iter().any(|reading| reading.rotation.is_some()) {
+        return false;
+    }
+    let mean = |all: &[Reading]| all.iter().map(|r| r.position).sum::<Vector3<f64>>() / all.len() as f64;
+    let (from, to) = (mean(clean), mean(mended));
+    let pairs = || clean.iter().zip(mended).map(|(a, b)| (a.position - from, b.position - to));
+    let sum: Matrix3<f64> = pairs().map(|(a, b)| b * a.transpose()).sum();
+    let svd = sum.svd(true, true);
+    let turn = svd.u.unwrap() * svd.v_t.unwrap();
+    turn.determinant() > 0.0 && pairs().all(|(a, b)| (turn * a - b).norm() < within)
 }
 
 /// Whether the poses differ by one motion on the left or on the right.
