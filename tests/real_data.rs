@@ -116,7 +116,11 @@ fn tracked(problem: &str, data: &str, joints: usize) -> [(f64, f64); 2] {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("result.json");
     let (result, warned) = identified(problem, &data_dir, "", &out);
-    assert!(warned.is_empty(), "{warned}");
+    // What the joints do beyond the model is seen.
+    assert!(
+        warned.lines().count() == 1 && warned.contains("errors follow the reading of arm.joint"),
+        "{warned}"
+    );
     let offset: Vec<f64> = (0..3).map(|i| result["instrument"][i]["value"].as_f64().unwrap()).collect();
     let mut columns: Vec<String> = (1..=joints).map(|i| format!("q{i}_rad")).collect();
     columns.extend(["x_mm", "y_mm", "z_mm"].map(str::to_owned));
@@ -184,7 +188,9 @@ fn delta(known: &Delta) {
     let out = folder.path().join("result.json");
     let problem = format!("problems/real/delta-v400-{session}.json");
     let (result, warned) = identified(&problem, &data, "--cross-validate loo", &out);
-    assert_eq!(warned.lines().count(), 2, "{warned}");
+    for part in ["a plane fixes {S} in height", "readings for 61 parameters"] {
+        assert!(warned.contains(part), "{warned}");
+    }
     let bed = result["instrument"][0]["value"].as_f64().unwrap();
     let table = data.join(known.data);
     let (q1, q2) = (["q1a_mm", "q1b_mm", "q1c_mm"], ["q2a_mm", "q2b_mm", "q2c_mm"]);
