@@ -13,7 +13,7 @@ use gough::problem::{Form, Problem};
 use gough::simulate::{Plan, simulate_sets};
 use gough::solve::Stop;
 use gough::solve::minimal::Minimal;
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
@@ -168,6 +168,24 @@ fn posture_noise_is_of_the_whole_data_and_not_negative() {
     refused(|p| p["data"]["holdout"] = json!({"posture_noise": {"length": 1}}), "data.holdout.posture_noise");
 }
 
+/// Covariance of the pose error `[w; dp]` that the common twist makes where the rotation vector of the error is `w`.
+///
+/// A small turn moves w by the inverse left Jacobian at w, whose square `J J'` is 1 along w and
+/// `(theta / 2 / sin(theta / 2))^2` across, theta the length of w: 1 at exact data.
+fn covariance_of(common: PostureNoise, w: Vector3<f64>) -> Matrix6<f64> {
+    let along = w.normalize() * w.normalize().transpose();
+    let turn = along + (Matrix3::identity() - along) * (1.0 + stretch(w));
+    let mut covariance = Matrix6::from_diagonal(&common.variances());
+    covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&(turn * common.angle.powi(2)));
+    covariance
+}
+
+/// By how much the variance of rotations across `w` exceeds that at exact data: theta^2 / 12 to lowest order.
+fn stretch(w: Vector3<f64>) -> f64 {
+    let half = 0.5 * w.norm();
+    (half / half.sin()).powi(2) - 1.0
+}
+
 /// What is common is noise like the other where a posture has one sample, and is not averaged where it has several.
 #[test]
 fn information_is_that_of_the_covariance_of_single_and_repeated_poses() {
@@ -176,18 +194,22 @@ fn information_is_that_of_the_covariance_of_single_and_repeated_poses() {
     let (angle, length) = (3e-5, 2e-5);
     let own = Matrix6::from_diagonal(&Vector6::from_fn(|i, _| if i < 3 { 4e-10 } else { 1e-10 }));
     let common = PostureNoise { angle, length };
-    let of = |times: usize, covariance: Matrix6<f64>, common: PostureNoise| {
+    let zero = vec![0.0; machine.component_count()];
+    let samples_of = |times: usize, covariance: &dyn Fn(usize) -> Matrix6<f64>, common: PostureNoise| {
         let mut samples = Vec::new();
         // Repeats stand apart from each other in the data.
         for k in 0..times {
-            for sample in &problem.data.samples {
+            for (i, sample) in problem.data.samples.iter().enumerate() {
                 let pose = *sample.measurement.pose().unwrap();
-                let pose = Arc::new(Pose::new(pose, [true; 6], &covariance).unwrap());
+                let pose = Arc::new(Pose::new(pose, [true; 6], &covariance(i)).unwrap());
                 let name = format!("{} {k}", sample.name);
                 samples.push(Sample { name, measurement: OfPosture::by(pose, common), ..sample.clone() });
             }
         }
-        let zero = vec![0.0; machine.component_count()];
+        samples
+    };
+    let of = |times: usize, covariance: &dyn Fn(usize) -> Matrix6<f64>, common: PostureNoise| {
+        let samples = samples_of(times, covariance, common);
         let calibration = Calibration::new(machine, &samples, Form::Minimal, &zero);
         let x = calibration.coordinates().nearest(&zero);
         let here = calibration.compress(&x).unwrap();
@@ -198,14 +220,27 @@ fn information_is_that_of_the_covariance_of_single_and_repeated_poses() {
         assert!((half - 0.5 * square).abs() < 1e-9 * half);
         (here.jac.transpose() * &here.jac, gradient)
     };
+    // Pose errors as they are, of weight 1.
+    let errors = {
+        let samples = samples_of(1, &|_| Matrix6::identity(), PostureNoise::default());
+        let calibration = Calibration::new(machine, &samples, Form::Minimal, &zero);
+        calibration.residual(&calibration.coordinates().nearest(&zero)).unwrap()
+    };
+    let turned = |i: usize| Vector3::from_column_slice(&errors[6 * i..6 * i + 3]);
+    let most = (0..problem.data.samples.len()).map(|i| stretch(turned(i))).fold(0.0, f64::max);
+    assert!(most > 1e-9, "errors of no size distinguish nothing: {most}");
     for times in [1, 3] {
-        let summed = own * (1.0 / times as f64) + Matrix6::from_diagonal(&common.variances());
-        let (wanted, slope) = of(1, summed, PostureNoise::default());
-        let (found, by) = of(times, own, common);
+        let share = own * (1.0 / times as f64);
+        let (found, by) = of(times, &|_| own, common);
+        let (wanted, slope) = of(1, &|i| share + covariance_of(common, turned(i)), PostureNoise::default());
         assert!((&found - &wanted).norm_l2() < 1e-10 * wanted.norm_l2(), "{times}");
-        // The pose error's rotation is differentiated where it is: to first order in the error.
         let apart: f64 = by.iter().zip(&slope).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
         assert!(apart < 1e-8 * linalg::norm(&slope), "{times}: {apart}");
+        // With the variances as they are at exact data nothing is lost but what the errors' size explains.
+        let at_exact = Matrix6::from_diagonal(&common.variances());
+        let (plain, _) = of(1, &|_| share + at_exact, PostureNoise::default());
+        let lost = (&found - &plain).norm_l2() / plain.norm_l2();
+        assert!(lost <= most, "{times}: {lost} {most}");
     }
 }
 
