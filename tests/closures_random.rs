@@ -6,6 +6,7 @@ mod support;
 
 use gough::calibration::{Calibration, Postures, Sample};
 use gough::files::{DataPlaces, read_problem};
+use gough::identify::verdict::HoldoutTest;
 use gough::identify::{Identification, identify, score};
 use gough::lie::Se3;
 use gough::measure::Pose;
@@ -89,13 +90,19 @@ fn outcome(
     Outcome { wrong_at_start, wrong, found }
 }
 
-/// The same of data that `gough simulate` draws, and the error on the hold-out in noise.
-fn simulated(mechanism: &Mechanism, noise: &Matrix6<f64>, plan: &Plan) -> (Outcome, f64) {
+/// The same of data that `gough simulate` draws, the error on the hold-out in noise, and its test.
+fn simulated(
+    mechanism: &Mechanism,
+    noise: &Matrix6<f64>,
+    plan: &Plan,
+) -> (Outcome, f64, Option<HoldoutTest>) {
     let exact = simulate(mechanism, noise, &Plan { noise: 0.0, ..*plan }).unwrap();
     let noisy = simulate(mechanism, noise, plan).unwrap();
     let of = outcome(mechanism, &exact.truth, &exact.samples, &samples(&noisy.samples, noise));
-    let held = score::score(mechanism, &of.found.geometry, &samples(&noisy.holdout, noise));
-    (of, held.map_or(f64::NAN, |fit| fit.weighted_rms))
+    let holdout = samples(&noisy.holdout, noise);
+    let held = score::score(mechanism, &of.found.geometry, &holdout).map_or(f64::NAN, |fit| fit.weighted_rms);
+    let test = HoldoutTest::new(&of.found, &holdout);
+    (of, held, test)
 }
 
 fn ballscrew() -> (Mechanism, Matrix6<f64>) {
@@ -104,27 +111,32 @@ fn ballscrew() -> (Mechanism, Matrix6<f64>) {
     (problem.mechanism, problem.data.noise.unwrap())
 }
 
-fn assert_ballscrew(seeds: std::ops::RangeInclusive<u64>, poses: usize) {
+/// 300 postures, ranges as drawn and doubled, exact and noisy: none closes elsewhere than it was measured, and none is set
+/// aside; the true machine reaches all of them. The hold-out errs no more than its standard errors say, which may be more
+/// than the noise: 60 exact postures with ranges doubled and seed 1 tell 101 of 150 parameters, and the least cost, which
+/// `argmin-lm` finds too, errs by 2.8 times the noise.
+fn assert_ballscrew(seeds: std::ops::RangeInclusive<u64>) {
     let (mechanism, covariance) = ballscrew();
     for factor in [1.0, 2.0] {
         let mechanism = widened(mechanism.clone(), factor);
         for noise in [0.0, 1.0] {
             for seed in seeds.clone() {
-                let plan = Plan { poses, holdout: 40, seed, noise, distance: 1.0 };
-                let (of, holdout) = simulated(&mechanism, &covariance, &plan);
+                let plan = Plan { poses: 300, holdout: 40, seed, noise, distance: 1.0 };
+                let (of, holdout, test) = simulated(&mechanism, &covariance, &plan);
                 let what = format!("ranges x {factor}, noise x {noise}, seed {seed}");
                 eprintln!(
-                    "{what}: {} in {}; wrong {} at start, {} at last; {} set aside; hold-out {:.3}",
+                    "{what}: {} in {}; wrong {} at start, {} at last; {} set aside; hold-out {:.3}, {:.3} of what its standard errors say",
                     of.found.report.outcome,
                     of.found.trace.len(),
                     of.wrong_at_start,
                     of.wrong.len(),
                     of.found.set_aside.len(),
-                    holdout
+                    holdout,
+                    test.map_or(f64::NAN, |test| test.ratio)
                 );
                 assert!(of.found.report.outcome.converged(), "{what}");
                 assert!(of.wrong.is_empty() && of.found.set_aside.is_empty(), "{what}: {:?}", of.wrong);
-                assert!(holdout < 1.0, "{what}: {holdout}");
+                assert!(test.is_some_and(|test| !test.contradicts()), "{what}: {test:?}");
             }
         }
     }
@@ -132,13 +144,13 @@ fn assert_ballscrew(seeds: std::ops::RangeInclusive<u64>, poses: usize) {
 
 #[test]
 fn ball_screws_close_as_measured() {
-    assert_ballscrew(1..=1, 60);
+    assert_ballscrew(1..=2);
 }
 
 #[test]
 #[ignore = "campaign: 20 seeds of 300 postures, some minutes"]
 fn ball_screws_close_as_measured_at_length() {
-    assert_ballscrew(1..=20, 300);
+    assert_ballscrew(1..=20);
 }
 
 /// Random postures within the ranges that the drawing and the true machine both reach, by the true one; `None` where next
@@ -262,7 +274,7 @@ fn the_machines_of_problems_close_as_measured() {
         for (noise_factor, distance) in [(0.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
             for seed in 1..=2 {
                 let plan = Plan { poses: 60, holdout: 40, seed, noise: noise_factor, distance };
-                let (of, holdout) = simulated(&problem.mechanism, &noise, &plan);
+                let (of, holdout, _) = simulated(&problem.mechanism, &noise, &plan);
                 eprintln!(
                     "{} noise {noise_factor} distance {distance} seed {seed}: {} in {}; wrong {} at start, {} at last; {} set aside; hold-out {:.3}; cost {:.2e}",
                     name(&path),
