@@ -17,6 +17,8 @@ use std::collections::HashSet;
 
 /// How often postures that were set aside are taken back.
 const ROUNDS: usize = 8;
+/// Part of the iterations left, as 1 in so many, that a round of part of the samples may take.
+const SHARE: usize = 4;
 /// Residual, in standard deviations of the noise, that is rounding.
 pub(super) const EXACT: f64 = 1e-6;
 
@@ -39,11 +41,16 @@ pub(super) struct Run<'a> {
 
 impl Run<'_> {
     /// Runs the identifier until the samples that take part are those that close with what it found.
+    ///
+    /// While samples wait, a round only leads to where they close. Few samples may leave the machine in a flat valley,
+    /// whose minimum is worth nothing: such a round ends early, so that iterations are left for all the samples.
     pub fn rounds(&mut self) -> Report {
         let mut x = self.problem.coordinates().nearest(&self.at);
-        let mut round = 0;
+        let (mut round, mut settled) = (0, false);
         let mut report = loop {
-            let report = self.report(&x);
+            let part = !settled && round + 1 < ROUNDS && self.problem.sample_count() < self.samples.len();
+            let left = self.stop.iterations.saturating_sub(self.trace.len());
+            let report = self.report(&x, if part { left.div_ceil(SHARE) } else { left });
             self.trace.extend_from_slice(&report.trace);
             round += 1;
             if !report.cost.is_finite() || !report.x.iter().all(|v| v.is_finite()) {
@@ -56,7 +63,10 @@ impl Run<'_> {
             let least = if blocked { NEAR_SINGULAR } else { 0.0 };
             let changed = self.problem.take_back(self.samples, &self.at, least);
             let exhausted = self.trace.len() >= self.stop.iterations;
-            if !changed || exhausted || round == ROUNDS || self.problem.sample_count() == 0 {
+            // Where the same samples take part as before, the round goes on with all iterations that are left.
+            let cut = part && report.outcome == Outcome::OutOfIterations;
+            settled = !changed;
+            if !(changed || cut) || exhausted || round == ROUNDS || self.problem.sample_count() == 0 {
                 break report;
             }
         };
@@ -68,10 +78,9 @@ impl Run<'_> {
         report
     }
 
-    /// The identifier's report from `x`. Where the samples are exact there, residuals are rounding, which an identifier
-    /// may follow for ever: it need not find anything better.
-    fn report(&self, x: &[f64]) -> Report {
-        let left = self.stop.iterations.saturating_sub(self.trace.len());
+    /// The identifier's report from `x`, of at most `left` iterations. Where the samples are exact there, residuals are
+    /// rounding, which an identifier may follow for ever: it need not find anything better.
+    fn report(&self, x: &[f64], left: usize) -> Report {
         let exact = self.is_exact();
         let iterations = if exact { left.min(1) } else { left };
         let mut report = self.identifier.identify(&self.problem, x, &Stop { iterations, ..*self.stop });
