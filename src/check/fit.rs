@@ -4,7 +4,7 @@ use super::alignment::align;
 use super::observed::Observed;
 use super::prediction::Predictor;
 use super::reading::{Reading, postures};
-use crate::calibration::{Calibration, Sample};
+use crate::calibration::{ByPosture, Calibration, Sample};
 use crate::identify::registration::FreeEnds;
 use crate::identify::run::placed;
 use crate::identify::score::score;
@@ -13,12 +13,13 @@ use crate::problem::{Form, Problem};
 use crate::solve::map::Map;
 use crate::solve::{Identifier, Stop};
 use crate::statistics::median;
+use std::collections::HashSet;
 
 /// Enough to tell one correction from another.
 const STOP: Stop = Stop { iterations: 12, step: 1e-4, gradient: 1e-6, cost: 1e-4 };
 /// Part of the samples that may be left out because they stand out.
 const LEFT_OUT: f64 = 0.1;
-/// How far they do, in terms of the median sample's residual and of the noise.
+/// How far they do, in terms of the median posture's residual and of the noise.
 const OUTSTANDING: f64 = 6.0;
 /// Fits, each without the samples that stood out from the one before.
 const ROUNDS: usize = 3;
@@ -142,12 +143,16 @@ fn started(
     }
 }
 
-/// The samples that close and do not stand out.
+/// The samples that close, of postures that do not stand out; most of the `of` samples of the data stay.
 fn kept(residual: &[f64], problem: &Calibration<'_>, samples: &[Sample], of: usize) -> Vec<Sample> {
-    let aside: Vec<usize> = problem.set_aside().iter().map(|s| s.sample).collect();
-    let closing: Vec<&Sample> =
-        samples.iter().enumerate().filter(|(k, _)| !aside.contains(k)).map(|(_, s)| s).collect();
-    let blocks = problem.blocks();
+    let aside: HashSet<usize> = problem.set_aside().iter().map(|s| s.sample).collect();
+    let closing: Vec<Sample> =
+        samples.iter().enumerate().filter(|(k, _)| !aside.contains(k)).map(|(_, s)| s.clone()).collect();
+    // One block of rows a posture.
+    let (blocks, postures) = (problem.blocks(), ByPosture::of(&closing));
+    if blocks.len() != postures.count() {
+        return closing;
+    }
     let sizes: Vec<f64> = blocks
         .iter()
         .map(|rows| {
@@ -156,9 +161,12 @@ fn kept(residual: &[f64], problem: &Calibration<'_>, samples: &[Sample], of: usi
         })
         .collect();
     let limit = OUTSTANDING * median(sizes.iter().copied()).unwrap_or(0.0).max(1.0);
-    let far = sizes.iter().filter(|size| **size > limit).count();
-    if far == 0 || far as f64 > LEFT_OUT * of as f64 {
-        return closing.into_iter().cloned().collect();
+    let far: HashSet<usize> = (postures.iter().zip(&sizes))
+        .filter(|(_, size)| **size > limit)
+        .flat_map(|(posture, _)| posture.iter().copied())
+        .collect();
+    if far.is_empty() || far.len() as f64 > LEFT_OUT * of as f64 {
+        return closing;
     }
-    closing.into_iter().zip(&sizes).filter(|(_, size)| **size <= limit).map(|(s, _)| s.clone()).collect()
+    closing.into_iter().enumerate().filter(|(k, _)| !far.contains(k)).map(|(_, sample)| sample).collect()
 }

@@ -1,5 +1,5 @@
 //! Whether the deviations are as large as the stated tolerances make them: the marginal likelihood of a common factor on
-//! all tolerances (docs/theory.md (10.11)-(10.13)).
+//! all tolerances (docs/theory.md (10.17)-(10.19)).
 
 use super::counts::Visibility;
 use crate::calibration::{Calibration, Coordinates};
@@ -70,6 +70,14 @@ impl Evidence {
         x: &[f64],
         seen: &Visibility,
     ) -> Result<Self, EvalError> {
+        let shared = [mechanism.ends.placement, mechanism.ends.tool_mounting];
+        let free_motion = shared.iter().flatten().any(|t| t.angle == Prior::Free || t.length == Prior::Free);
+        if free_motion || has_free(mechanism) && shared.iter().any(Option::is_some) {
+            // Which directions are theirs is not worked out.
+            return Err(EvalError(
+                "tolerances beside free motions that all limbs share are not tested".into(),
+            ));
+        }
         if has_free(mechanism) {
             return Self::beside_free(mechanism, problem, x);
         }
@@ -129,7 +137,9 @@ impl Evidence {
         // The score at the stated tolerances: a sum of chi-square variables of one degree of freedom, each by its weight,
         // here a multiple of chi-square with the same mean and variance (Satterthwaite, Biometrics Bulletin 2, 1946).
         let (mut sum, mut mean, mut square) = (0.0, 0.0, 0.0);
-        for (s, y) in strengths().zip(&self.readings) {
+        // Of directions that the data decide: the others have small weights each, and of many such the law is no multiple of
+        // chi-square in its tail.
+        for (s, y) in strengths().zip(&self.readings).filter(|(s, _)| *s > noise) {
             let variance = noise * noise + s * s;
             let weight = s * s / variance;
             sum += weight * y * y / variance;
@@ -236,6 +246,10 @@ impl Mechanism {
         }
         for constant in &mut machine.instrument {
             constant.prior = scaled(constant.prior);
+        }
+        let ends = [&mut machine.ends.placement, &mut machine.ends.tool_mounting];
+        for tolerance in ends.into_iter().flatten() {
+            *tolerance = Tolerance { angle: scaled(tolerance.angle), length: scaled(tolerance.length) };
         }
         machine
     }

@@ -176,7 +176,7 @@ impl Search {
             }
             let has_drift = self.causes.iter().any(|cause| matches!(cause, Cause::Drift(..)));
             let drift_fit = drifting.fit(&self.linear, &residual).filter(|_| !has_drift);
-            let drift = drift_fit.as_ref().and_then(|fit| order::drift(&self.linear, fit));
+            let drift = drift_fit.as_ref().and_then(|fit| order::drift(&self.linear, &drifting, fit));
             let joint = model::joint(&self.linear, &residual, &self.patterns);
             let gains = [
                 ordered.as_ref().map(|f| f.gain - 0.5 * residual.freedom.ln()),

@@ -98,7 +98,7 @@ pub fn judge(of: &Judged<'_>) -> Judgement {
     judgement.holdout = HoldoutTest::new(found, of.holdout);
     let converged = found.report.outcome.converged();
     // Rounding has no cause.
-    let exact = of.stated && found.fit.1.is_some_and(|fit| fit.weighted_rms < EXACT);
+    let exact = found.fit.1.is_some_and(|fit| fit.weighted_rms < EXACT);
     let linear = !converged || found.covariance.is_some();
     let explained = !exact && linear && judgement.explain(of, &samples, &sets);
     if converged && !explained {

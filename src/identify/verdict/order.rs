@@ -3,7 +3,7 @@
 use super::linear::{Linear, Residual};
 use super::pattern::{Fit, Pattern};
 use crate::linalg;
-use faer::linalg::solvers::{DenseSolveCore, Solve};
+use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -251,16 +251,18 @@ pub(super) fn drift_pattern(linear: &Linear) -> Pattern {
     Pattern { columns }
 }
 
-/// A drift, where the fit of its pattern is beyond chance.
-pub(super) fn drift(linear: &Linear, fit: &Fit) -> Option<DriftFinding> {
+/// A drift, where the fit of its pattern is beyond chance: of the cell whose drift is best known not to be 0.
+pub(super) fn drift(linear: &Linear, pattern: &Pattern, fit: &Fit) -> Option<DriftFinding> {
     if fit.probability > FALSE_ALARM {
         return None;
     }
-    let (cell, size) = fit.amounts.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    let known = |j: &usize| fit.amounts[*j].abs() / fit.errors[*j].max(f64::MIN_POSITIVE);
+    let cell = (0..fit.amounts.len().min(fit.errors.len())).max_by(|a, b| known(a).total_cmp(&known(b)))?;
+    let size = fit.amounts[cell];
     Some(DriftFinding {
         size: size.abs(),
         cell,
-        shift: shift(linear, &drift_pattern(linear).columns, &fit.amounts).unwrap_or(0.0),
+        shift: shift(linear, &pattern.columns, &fit.amounts).unwrap_or(0.0),
         gain: fit.gain,
     })
 }
@@ -275,7 +277,8 @@ pub(super) fn shift(linear: &Linear, columns: &Mat<f64>, amounts: &[f64]) -> Opt
     let a = linear.jac.transpose() * &linear.jac + &linear.prior;
     let llt = a.llt(Side::Lower).ok()?;
     let g = linalg::mul_transpose(linear.jac.as_ref(), &errors);
+    // Of all directions `d` the largest |d' A^-1 g| / sqrt(d' A^-1 d).
     let moved = llt.solve(&Mat::from_fn(n, 1, |i, _| g[i]));
-    let cov = llt.inverse();
-    (0..n).map(|i| moved[(i, 0)].abs() / cov[(i, i)].sqrt()).filter(|v| v.is_finite()).max_by(f64::total_cmp)
+    let square: f64 = g.iter().enumerate().map(|(i, g)| g * moved[(i, 0)]).sum();
+    Some(square.max(0.0).sqrt()).filter(|shift| shift.is_finite())
 }

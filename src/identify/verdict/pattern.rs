@@ -5,7 +5,7 @@ use crate::linalg;
 use faer::{Mat, Side};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-/// Part of a column's length, beside what the machine's own parameters explain of it, below which it is explained.
+/// Part of a column's squared length, beside what the machine's own parameters explain of it, below which it is explained.
 const EXPLAINED: f64 = 1e-4;
 
 /// Columns by which residuals may err, m x p.
@@ -17,6 +17,8 @@ pub(super) struct Pattern {
 pub(super) struct Fit {
     /// How much of each column there is.
     pub amounts: Vec<f64>,
+    /// Standard errors of these; infinite where there is no such column.
+    pub errors: Vec<f64>,
     /// Independent combinations of the columns that the machine's parameters do not explain, orthonormal after them.
     pub columns: Mat<f64>,
     /// Probability that noise of any size fits it as well (F test).
@@ -48,26 +50,25 @@ impl Pattern {
         let score = linalg::mul_transpose(vectors.as_ref(), &linalg::mul_transpose(on.as_ref(), &residual.r));
         let (value, rank) = (linalg::dot(&score, &score), kept.len() as f64);
         let rest = residual.freedom - rank;
-        if kept.is_empty() || rest < 3.0 {
+        if kept.is_empty() || rest < 3.0 || residual.square.is_nan() || residual.square <= 0.0 {
             return None;
         }
         let unexplained = (residual.square - value).max(1e-9 * residual.square);
         let law = FisherSnedecor::new(rank, rest).ok()?;
         let probability = law.sf(value / rank / (unexplained / rest));
-        let amounts: Vec<f64> = (0..p)
-            .map(|j| {
-                let along: f64 = score.iter().enumerate().map(|(k, s)| vectors[(j, k)] * s).sum();
-                let length: f64 = (0..active.len())
-                    .filter(|&i| active[i])
-                    .map(|i| self.columns[(i, j)].powi(2))
-                    .sum::<f64>()
-                    .sqrt();
-                if length > 0.0 { along / length } else { 0.0 }
-            })
-            .collect();
+        let length = |j: usize| -> f64 {
+            let square = (0..active.len()).filter(|&i| active[i]).map(|i| self.columns[(i, j)].powi(2));
+            square.sum::<f64>().sqrt()
+        };
+        let along = |j: usize| -> f64 { score.iter().enumerate().map(|(k, s)| vectors[(j, k)] * s).sum() };
+        let spread = |j: usize| (0..kept.len()).map(|k| vectors[(j, k)].powi(2)).sum::<f64>().sqrt();
+        let over = |j: usize, value: f64, none: f64| if length(j) > 0.0 { value / length(j) } else { none };
+        let amounts: Vec<f64> = (0..p).map(|j| over(j, along(j), 0.0)).collect();
+        let errors: Vec<f64> = (0..p).map(|j| over(j, spread(j), f64::INFINITY)).collect();
         let gain = 0.5 * residual.freedom * (residual.square / unexplained).ln();
         (probability.is_finite() && gain.is_finite()).then(|| Fit {
             amounts,
+            errors,
             columns: &columns * &vectors,
             probability,
             gain: gain - 0.5 * rank * residual.freedom.ln(),
