@@ -30,6 +30,8 @@ pub enum Failure {
     NoDescent,
     /// The steps still lower the merit, but by less than this part of it over the last iterations.
     Stalled(f64),
+    /// Steps no longer lower the cost, but the conditions of an optimum within the limits are violated by this residual.
+    NotStationary(f64),
     /// The constraints contradict each other; the names of those in conflict.
     Infeasible(Vec<String>),
     /// The inner solver ended with this status.
@@ -77,6 +79,12 @@ impl std::fmt::Display for Outcome {
             Outcome::Failed(Failure::NoDescent) => write!(f, "no step lowers the cost"),
             Outcome::Failed(Failure::Stalled(part)) => {
                 write!(f, "stalled: the last iterations lowered the merit by less than {part:e} of it")
+            }
+            Outcome::Failed(Failure::NotStationary(residual)) => {
+                write!(
+                    f,
+                    "not converged: steps no longer lower the cost, but the KKT residual is {residual:.1e}"
+                )
             }
             Outcome::Failed(Failure::Infeasible(names)) => {
                 write!(f, "constraints contradict each other: {}", names.join(", "))

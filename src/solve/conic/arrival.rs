@@ -8,7 +8,7 @@ use crate::solve::damped::column_norms;
 use crate::solve::report::{ActiveBound, Criterion, Iterate, Report};
 
 /// KKT residual at which a run that can go no farther has arrived.
-const ARRIVED: f64 = 1e-6;
+pub(super) const ARRIVED: f64 = 1e-6;
 /// Norm of the influence, relative to that at the start, below which a residual counts as none.
 const NO_RESIDUAL: f64 = 1e-8;
 /// Iterations over which a loss without derivative must lower the merit by [`PROGRESS`] of it.

@@ -1,5 +1,6 @@
 //! The conic identifiers: one method, registered under the names of its usual compositions.
 
+use super::arrival::ARRIVED;
 use super::descent::Descent;
 use super::least_squares::LeastSquares;
 use super::limits::Limits;
@@ -13,7 +14,7 @@ use crate::solve::anchored::{Anchored, SETTLED, settle};
 use crate::solve::identifier::{Identifier, SettingError, Stop};
 use crate::solve::objective::Objective;
 use crate::solve::reduced::Reduced;
-use crate::solve::report::{Estimate, Failure, Report};
+use crate::solve::report::{Criterion, Estimate, Failure, Outcome, Report};
 use crate::solve::settings;
 
 /// Ridge, in tolerance units, that chooses the smallest among solutions that data and penalty cannot tell apart.
@@ -298,6 +299,14 @@ fn settled(problem: &dyn Problem, loss: &dyn Loss, limits: &Limits, stop: &Stop,
         {
             // Of the weights that belong to the solution, not of those under which it was found.
             Descent { problem: &anchored, loss, penalty, limits, stop }.judge(&mut report);
+        }
+        // Whatever ended the run: within limits a small step or gain is no proof, the conditions are.
+        if let (false, Outcome::Converged(criterion), Some(residual)) =
+            (limits.none(), &report.outcome, report.kkt)
+            && *criterion != Criterion::Zero
+            && residual > ARRIVED
+        {
+            return report.fail(Failure::NotStationary(residual));
         }
         return report;
     }

@@ -7,6 +7,7 @@ pub mod chebyshev;
 pub mod cones;
 pub mod curvature;
 pub mod descent;
+pub mod faces;
 pub mod group_lasso;
 pub mod here;
 pub mod huber;

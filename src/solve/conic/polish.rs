@@ -20,18 +20,18 @@ const SETTLED: f64 = 1e-13;
 /// Proximal weight, relative to the squared column norms, that keeps the factor of a deficient Jacobian regular.
 const PROXIMAL: f64 = 1e-20;
 /// Size of a multiplier, relative to its measure, from which its sign counts.
-const SIGN: f64 = 1e-10;
+pub(super) const SIGN: f64 = 1e-10;
 
 /// A direction in which the point may still move.
-struct Free {
+pub(super) struct Free {
     /// `(coordinate, component)`.
     parts: Vec<(usize, f64)>,
 }
 
 /// What is held where.
-struct ActiveSet {
+pub(super) struct ActiveSet {
     /// Coordinate at a limit, or at the zero of the lasso.
-    held: Vec<bool>,
+    pub(super) held: Vec<bool>,
     /// Group at the zero of the group lasso.
     zero: Vec<bool>,
     /// Group at the limit of its cone.
@@ -80,7 +80,7 @@ fn close(before: &[f64], u: &[f64]) -> bool {
     norm(&moved) <= CLOSE * norm(u)
 }
 
-fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
+pub(super) fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
     let (lower, upper) = (&model.limits.lower, &model.limits.upper);
     let mut held = vec![false; u.len()];
     // Units are large where columns are small; what is small against the point itself is another matter.
@@ -110,7 +110,7 @@ fn guess(model: &Model, u: &mut [f64], unit: &[f64]) -> ActiveSet {
     ActiveSet { held, zero, cone }
 }
 
-fn free_directions(model: &Model, set: &ActiveSet, u: &[f64]) -> Vec<Free> {
+pub(super) fn free_directions(model: &Model, set: &ActiveSet, u: &[f64]) -> Vec<Free> {
     let mut single: Vec<bool> = set.held.iter().map(|held| !held).collect();
     let mut free = Vec::new();
     for (g, group) in model.groups.iter().enumerate() {
@@ -149,7 +149,13 @@ fn tangents(members: &[usize], u: &[f64]) -> Vec<Free> {
 }
 
 /// One Newton step of the program in the free directions, by QR.
-fn newton(model: &Model, here: &Here, quadratic: &Quadratic, free: &[Free], u: &mut [f64]) -> Option<()> {
+pub(super) fn newton(
+    model: &Model,
+    here: &Here,
+    quadratic: &Quadratic,
+    free: &[Free],
+    u: &mut [f64],
+) -> Option<()> {
     if free.is_empty() {
         return Some(());
     }

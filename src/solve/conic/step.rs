@@ -1,5 +1,6 @@
 //! One step: the conic program about a point, solved, polished and checked.
 
+use super::faces::walk;
 use super::here::Here;
 use super::kkt::{self, Stationarity};
 use super::limits::Limits;
@@ -69,6 +70,10 @@ const ROUNDS: usize = 12;
 const PASSES: usize = 30;
 /// The same from the active set of the point itself, before clarabel is asked.
 const WARM_PASSES: usize = 25;
+/// Passes, in coordinates, with one limit changed each.
+const LIMITS: usize = 3;
+/// KKT residual from which on a polished point is not the program's solution: its active set did not settle.
+const UNSETTLED: f64 = 1e-9;
 /// KKT residual of a program's solution that needs no other witness.
 const VERIFIED: f64 = 1e-11;
 /// Nearness to a limit, in units of the program, from which an unpolished point is put on it.
@@ -161,11 +166,18 @@ impl Model<'_> {
         self.snap(&mut u, &frame.unit);
         let length = trust::length(self.metric, &here.x, &u);
         // A polish forgets the trust region: it is for steps that are free of it.
-        if radius.is_none_or(|radius| length < 0.99 * radius)
-            && let Some(polished) = polish(self, here, &u, &frame.unit, PASSES)
-            && self.better(here, &polished, &u, radius)
-        {
-            u = polished;
+        if radius.is_none_or(|radius| length < 0.99 * radius) {
+            if let Some(polished) = polish(self, here, &u, &frame.unit, PASSES)
+                && self.better(here, &polished, &u, radius)
+            {
+                u = polished;
+            }
+            if self.program_stationarity(here, &u).residual > UNSETTLED
+                && let Some(walked) = walk(self, here, &u, &frame.unit, LIMITS * u.len())
+                && self.better(here, &walked, &u, radius)
+            {
+                u = walked;
+            }
         }
         let predicted = self.merit(&here.r, &here.x) - self.merit(&here.predict(&u), &u);
         Ok(Step {
