@@ -91,7 +91,7 @@ pub(super) fn mounts(of: &Summary<'_>) -> String {
             found.std.as_ref().map_or(String::new(), |std| format!(" +- [{}]", triple(of(std))))
         };
         format!(
-            "{name:12}position [{}]{} {}; rotation [{}]{} {}\n",
+            "{name:13}position [{}]{} {}; rotation [{}]{} {}\n",
             triple(found.position),
             error(|std| std.translation),
             units.length_symbol(),

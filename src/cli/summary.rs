@@ -23,6 +23,8 @@ pub struct Summary<'a> {
     pub holdout_set_aside: Vec<SetAside>,
     /// Number of samples whose readings repeat an earlier one's.
     pub repeated: usize,
+    /// How many training samples repeat another number by number.
+    pub copies: usize,
     /// Samples that are in the hold-out as well as in the training.
     pub shared: Vec<String>,
     /// Samples of weight 0, as the result predicts them; `None` where they do not close.

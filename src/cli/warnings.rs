@@ -101,6 +101,13 @@ impl Summary<'_> {
                 listed(&names)
             ));
         }
+        if self.copies > 0 {
+            warnings.push(format!(
+                "{} repeat another of the same readings number by number: they are copies, which count as independent \
+                 readings here and make standard errors too small; remove them",
+                counted(self.copies, "sample")
+            ));
+        }
         if 2 * self.repeated > samples {
             warnings.push(format!(
                 "{} of {} repeat the readings of another: they tell of the noise, not of the machine; measure other postures",

@@ -43,10 +43,26 @@ pub fn sharing(samples: &[Sample], noise: PostureNoise) -> Vec<Sample> {
     samples.iter().map(of).collect()
 }
 
-/// Whether there is anything to estimate it from: several samples in some postures, and no statement of it.
+/// How many samples repeat an earlier one of their posture number by number: no instrument reads the same twice, so that
+/// they are copies, which tell nothing of what the samples of a posture have in common.
+pub fn copies(samples: &[Sample]) -> usize {
+    let bits = |sample: &Sample| -> Vec<u64> {
+        sample.measurement.readings().iter().map(|value| value.to_bits()).collect()
+    };
+    let of_posture = |posture: &[usize]| {
+        let mut readings: Vec<Vec<u64>> = posture.iter().map(|i| bits(&samples[*i])).collect();
+        readings.sort_unstable();
+        readings.windows(2).filter(|pair| pair[0] == pair[1]).count()
+    };
+    ByPosture::of(samples).iter().filter(|posture| posture.len() > 1).map(of_posture).sum()
+}
+
+/// Whether there is anything to estimate it from: several samples in some postures, none of them copies, and no statement
+/// of it.
 pub fn is_asked(samples: &[Sample]) -> bool {
     let postures = ByPosture::of(samples);
-    postures.sample_count() - postures.count() >= FEWEST
+    copies(samples) == 0
+        && postures.sample_count() - postures.count() >= FEWEST
         && samples.iter().all(|s| s.measurement.posture_noise().is_none() && s.measurement.second().is_none())
 }
 

@@ -64,7 +64,9 @@ pub fn identify(
         let test = tolerance_test(&next, samples, 1.0 / wanted);
         let Some(test) = test.filter(|_| next.report.outcome.converged()) else { break };
         let (change, likely) = ((test.factor / wanted).ln().abs(), test.factor);
-        last = Some((next, ToleranceTest { factor: wanted, in_force: wanted, ..test }));
+        // Where the factor has not settled, the one in force may lie beside the interval found under it.
+        let interval = (test.interval.0.min(wanted), test.interval.1.max(wanted));
+        last = Some((next, ToleranceTest { factor: wanted, in_force: wanted, interval, ..test }));
         if change <= SETTLED {
             break;
         }
@@ -94,6 +96,7 @@ fn restated(
     let stated = first.start.limbs.iter().flat_map(|limb| &limb.links);
     let own = start.limbs.iter_mut().flat_map(|limb| &mut limb.links);
     own.zip(stated).for_each(|(link, stated)| link.tolerance = stated.tolerance);
+    start.ends = first.start.ends;
     let constants = start.instrument.iter_mut().zip(&first.start.instrument);
     constants.for_each(|(constant, stated)| constant.prior = stated.prior);
     let at = found.geometry.deviations_from(&start.nominal());
