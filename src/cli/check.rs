@@ -139,13 +139,27 @@ fn bare(problem: &ProblemFile, sample: &Sample) -> Reading {
     }
 }
 
+/// Covariance of what a sample shares with the others of its posture, at its target where it has one.
+fn common_noise(sample: &Sample) -> Matrix6<f64> {
+    let common = sample.measurement.posture_noise().unwrap_or_default();
+    let lever = match sample.measurement.clue() {
+        Clue::Position { target, .. } => target.nominal.norm(),
+        _ => 0.0,
+    };
+    let turned = (common.angle * lever).powi(2);
+    let mut variances = common.variances();
+    variances.iter_mut().skip(3).for_each(|variance| *variance += turned);
+    Matrix6::from_diagonal(&variances)
+}
+
 /// Positions, of targets too, and poses that were measured wholly.
 fn readings(problem: &ProblemFile) -> Vec<Reading> {
     let mut found = Vec::with_capacity(problem.data.samples.len());
     for set in problem.data.parts() {
         let stated = set.noise.unwrap_or_else(|| assumed_noise(&problem.mechanism));
         for ((sample, measured), written) in set.samples.iter().zip(&set.measured).zip(&set.written) {
-            let noise = measured.noise.as_deref().unwrap_or(&stated) / sample.measurement.weight();
+            let own = measured.noise.as_deref().unwrap_or(&stated) / sample.measurement.weight();
+            let noise = own + common_noise(sample);
             let reading = Reading { noise: Box::new(noise), ..bare(problem, sample) };
             if measured.position == [true; 3] {
                 let rotation = measured.rotation.then_some(measured.pose.r);

@@ -7,6 +7,8 @@ use crate::identify::verdict::chi_square::probability;
 use crate::identify::{ToleranceTest, ToleranceVerdict};
 use crate::model::{Link, Prior};
 
+/// Tolerance, in rad or machine sizes, beyond which a machine is not the one that was drawn.
+const ABSURD: f64 = 0.3;
 /// Different tolerances that a warning writes out.
 const WRITTEN: usize = 3;
 
@@ -58,12 +60,25 @@ pub(super) fn warning(of: &Summary<'_>) -> Option<String> {
         ),
         false => "; standard errors and predictions suppose the stated ones and are too small".to_owned(),
     });
-    text.push_str(&format!(
-        ". If the machine may be that far off, {}; if not, check units, home, directions of axes, actuator order and how \
-         rotations are written (gough check)",
-        restated(of.problem, if test.in_force != 1.0 { test.in_force } else { test.factor })
-    ));
+    let factor = if test.in_force != 1.0 { test.in_force } else { test.factor };
+    let mistakes =
+        "check units, home, directions of axes, actuator order and how rotations are written (gough check)";
+    text.push_str(&match is_absurd(of.problem, factor) {
+        true => format!(". No machine is that far off: {mistakes}"),
+        false => format!(
+            ". If the machine may be that far off, {}; if not, {mistakes}",
+            restated(of.problem, factor)
+        ),
+    });
     Some(text)
+}
+
+/// Whether tolerances so many times as large are beyond what a drawing may be off by.
+fn is_absurd(problem: &ProblemFile, factor: f64) -> bool {
+    let size = problem.mechanism.characteristic_length();
+    let links = problem.mechanism.limbs.iter().flat_map(|limb| &limb.links).map(pair);
+    let relative = links.flat_map(|(angle, length)| [angle, length.map(|v| v / size)]).flatten();
+    relative.fold(0.0, f64::max) * factor > ABSURD
 }
 
 /// What to write into the file.
