@@ -85,10 +85,12 @@ pub struct Judged<'a> {
 /// and all postures are judged anew by what comes of it, until the names stay.
 pub fn judge(of: &Judged<'_>) -> Judgement {
     let found = of.found;
-    let apart = |sample: &Sample| found.set_aside.iter().any(|s| s.name == sample.name);
+    let converged = found.report.outcome.converged();
+    // Where the estimate ended nowhere, samples may have been set aside for no fault of theirs.
+    let apart = |sample: &Sample| converged && found.set_aside.iter().any(|s| s.name == sample.name);
     let taking: Vec<usize> = (0..of.samples.len()).filter(|&i| !apart(&of.samples[i])).collect();
     let samples: Vec<Sample> = taking.iter().map(|&i| of.samples[i].clone()).collect();
-    let samples = found.taking_part(&samples);
+    let samples = if converged { found.taking_part(&samples) } else { samples };
     let sets: Vec<usize> = taking.iter().map(|&i| of.sets.get(i).copied().unwrap_or(0)).collect();
     let total = found
         .chi_square()
@@ -96,7 +98,6 @@ pub fn judge(of: &Judged<'_>) -> Judgement {
         .and_then(|(value, freedom)| ChiSquareTest::new(value, freedom));
     let mut judgement = Judgement { total, ..Judgement::default() };
     judgement.holdout = HoldoutTest::new(found, of.holdout);
-    let converged = found.report.outcome.converged();
     // Rounding has no cause.
     let exact = found.fit.1.is_some_and(|fit| fit.weighted_rms < EXACT);
     let linear = !converged || found.covariance.is_some();
@@ -128,8 +129,13 @@ impl Judgement {
             let is = |k: &usize| outliers.iter().any(|o| o.samples.contains(&samples[*k].name));
             (0..samples.len()).filter(is).collect()
         };
-        let mut removed = index(&of.found.outliers);
+        // An estimate that ended nowhere is no judge of its samples.
         let mut robust = of.found.report.outcome.converged();
+        let own = || index(&of.found.outliers);
+        let mut removed = match robust {
+            true => own(),
+            false => robust_outliers(of, samples).map_or_else(own, |outliers| index(&outliers)),
+        };
         let mut last = None;
         for _ in 0..ROUNDS {
             let clean = self.without(of, samples, &removed);
