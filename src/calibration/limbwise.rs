@@ -17,7 +17,6 @@ use crate::wide::narrow;
 use faer::{Mat, MatRef};
 use nalgebra::Matrix6;
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
 
 /// A whole measured pose.
 #[derive(Clone, Debug)]
@@ -48,10 +47,6 @@ impl WholePose {
     }
 }
 
-/// Way of a passive joint (rad, m) from where it was at the start, up to which the next evaluation starts from where
-/// the last one left it.
-const NEAR: f64 = 0.1;
-
 /// A posture as one limb sees it.
 #[derive(Clone, Debug)]
 pub struct LimbStart<'a> {
@@ -71,8 +66,6 @@ pub struct LimbProblem<'a> {
     starts: Vec<LimbStart<'a>>,
     params: Vec<Param>,
     home: Posture,
-    /// Joint variables of every posture where the last evaluation left them: most of its cost is the way to the pose.
-    reached: Mutex<Vec<Turn>>,
 }
 
 impl<'a> LimbProblem<'a> {
@@ -91,8 +84,7 @@ impl<'a> LimbProblem<'a> {
         let coordinates = coordinates.of_limb(i);
         let params = coordinates.params(&mechanism);
         let home = Posture::new(&mechanism);
-        let reached = starts.iter().flat_map(|start| start.turns).copied().collect();
-        Self { mechanism, coordinates, starts, params, home, reached: Mutex::new(reached) }
+        Self { mechanism, coordinates, starts, params, home }
     }
 
     fn limb(&self) -> &LimbCoordinates {
@@ -125,23 +117,18 @@ impl<'a> LimbProblem<'a> {
     fn visit(&self, geometry: &Geometry, mut visit: impl FnMut(&Posture, &[Row])) -> Result<(), EvalError> {
         let mut approach = Approach::new(&self.mechanism, geometry, &self.home);
         let mut rows = vec![Row::default(); self.wrench_count()];
-        let mut reached = self.reached.lock().unwrap_or_else(PoisonError::into_inner);
-        let joints = self.home.q.len().max(1);
-        for (starts, reached) in self.starts.chunks(ABREAST).zip(reached.chunks_mut(ABREAST * joints)) {
-            for (posture, reached) in approach.postures.iter_mut().zip(reached.chunks_exact(joints)) {
-                posture.set_turns(reached);
+        for starts in self.starts.chunks(ABREAST) {
+            // Always from where the sample was closed first, so that a residual depends on nothing that was asked before.
+            for (posture, start) in approach.postures.iter_mut().zip(starts) {
+                posture.set_turns(start.turns);
             }
             approach.close(starts).map_err(|late| {
                 let limb = &self.mechanism.limbs[0].name;
                 EvalError(format!("{}: {limb} does not come near the measured pose", starts[late].name))
             })?;
-            for (lane, (start, reached)) in starts.iter().zip(reached.chunks_exact_mut(joints)).enumerate() {
+            for (lane, start) in starts.iter().enumerate() {
                 self.evaluate(&approach, lane, start, &mut rows)?;
-                let posture = &approach.postures[lane];
-                visit(posture, &rows);
-                if posture.turns().iter().zip(start.turns).all(|(to, from)| (to.q - from.q).abs() < NEAR) {
-                    reached.copy_from_slice(posture.turns());
-                }
+                visit(&approach.postures[lane], &rows);
             }
         }
         Ok(())

@@ -8,7 +8,7 @@ use super::place::Place;
 use super::tolerance::{BoundsDrawing, ToleranceDrawing};
 use super::units::Units;
 use crate::lie::Se3;
-use crate::model::{Ends, Limb, Link, Mechanism, Prior, Tolerance};
+use crate::model::{Ends, Limb, Link, Mechanism, Tolerance};
 use std::collections::HashSet;
 
 /// Name of the last link of a limb.
@@ -47,8 +47,7 @@ impl Stated {
 
     /// Refuses bounds stated at `at` for links that are held there or, where nothing is stated, by `general`.
     fn check_held(self, general: Self, prefix: &str, at: &Place<'_>) -> Result<Self, FileError> {
-        let held = |t: Tolerance| t.angle == Prior::Held && t.length == Prior::Held;
-        if self.bounds.is_some() && self.tolerance.or(general.tolerance).is_some_and(held) {
+        if self.bounds.is_some() && self.tolerance.or(general.tolerance) == Some(Tolerance::HELD) {
             return Err(at.key(&format!("{prefix}bounds")).error(Fault::BoundsOnHeld));
         }
         Ok(self)
@@ -179,11 +178,10 @@ impl Chain<'_> {
         if stated.tolerance.is_none() && self.without_tolerance.is_none() {
             *self.without_tolerance = Some(at.location());
         }
-        let held = Tolerance { angle: Prior::Held, length: Prior::Held };
         self.limb.links.push(Link {
             name,
             nominal: self.at.inverse() * *to,
-            tolerance: stated.tolerance.unwrap_or(held),
+            tolerance: stated.tolerance.unwrap_or(Tolerance::HELD),
             bounds: stated.bounds,
         });
         self.at = *to;

@@ -2,6 +2,7 @@
 
 pub mod actuators;
 pub mod benchmark;
+pub mod builder;
 mod bytes;
 pub mod columns;
 pub mod data;
@@ -38,6 +39,7 @@ pub mod write;
 
 pub use actuators::{ActuatorRow, actuators_text, planned_text, read_actuators};
 pub use benchmark::BenchmarkDrawing;
+pub use builder::MechanismBuilder;
 pub use data::{DataDrawing, SampleDrawing};
 pub use dataset::{Blank, DataSet, Kind, MeasuredPose, PlannedPosture};
 pub use deviations::deviations_text;

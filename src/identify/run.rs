@@ -14,6 +14,7 @@ use super::untold::Untold;
 use crate::calibration::{Calibration, Coordinates, Sample, SetAside};
 use crate::lie::Se3;
 use crate::measure::Weights;
+use crate::model::mobility::{self, MobilityError};
 use crate::model::{Geometry, Mechanism, Prior};
 use crate::problem::{Form, Problem};
 use crate::solve::{Identifier, Iterate, Report, Stop};
@@ -27,6 +28,19 @@ pub enum IdentifyError {
     /// No samples.
     #[error("there are no samples to identify from")]
     NoSamples,
+    /// A machine built in code that this model does not describe.
+    #[error("{0}")]
+    NoMachine(#[from] MobilityError),
+    /// A sample built in code.
+    #[error("{name}: {found} readings, where the machine has {wanted} actuators")]
+    Readings {
+        /// The sample.
+        name: String,
+        /// Readings that it has.
+        found: usize,
+        /// Actuators.
+        wanted: usize,
+    },
     /// Everything is held.
     #[error("every link is held (all tolerances are 0): nothing is left to identify")]
     AllHeld,
@@ -102,6 +116,12 @@ pub fn identify_from(
 ) -> Result<Identification, IdentifyError> {
     if samples.is_empty() {
         return Err(IdentifyError::NoSamples);
+    }
+    mobility::check_structure(drawn, &drawn.nominal())?;
+    let wanted = drawn.actuator_count();
+    if let Some(sample) = samples.iter().find(|sample| sample.actuators.len() != wanted) {
+        let (name, found) = (sample.name.clone(), sample.actuators.len());
+        return Err(IdentifyError::Readings { name, found, wanted });
     }
     let Registration { machine: start, base, tool, untold } =
         placed(drawn, samples).ok_or(IdentifyError::Unregistered)?;

@@ -23,6 +23,11 @@ impl Se3 {
         Self { r: Matrix3::identity(), p: Vector3::zeros() }
     }
 
+    /// A translation, m.
+    pub fn translation(x: f64, y: f64, z: f64) -> Self {
+        Self { r: Matrix3::identity(), p: Vector3::new(x, y, z) }
+    }
+
     /// Inverse motion.
     pub fn inverse(&self) -> Self {
         let r = self.r.transpose();

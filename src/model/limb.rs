@@ -23,6 +23,19 @@ pub struct Tolerance {
     pub length: Prior,
 }
 
+impl Tolerance {
+    /// Nothing deviates.
+    pub const HELD: Self = Self { angle: Prior::Held, length: Prior::Held };
+    /// Nothing is known.
+    pub const FREE: Self = Self { angle: Prior::Free, length: Prior::Free };
+
+    /// Standard deviations of each rotation (rad) and translation (m) component; 0 holds it.
+    pub fn sigma(angle: f64, length: f64) -> Self {
+        let prior = |sigma: f64| if sigma == 0.0 { Prior::Held } else { Prior::Sigma(sigma) };
+        Self { angle: prior(angle), length: prior(length) }
+    }
+}
+
 /// Link `j` of a limb: the constant transform from behind joint `j` to the frame of joint `j + 1`, or to the
 /// tool. It deviates as `nominal * exp(d)`, `d` in the frame of the *next* joint (docs/theory.md (6.1)).
 #[derive(Clone, Debug)]

@@ -1,8 +1,10 @@
 //! Whether a drawing is a machine that this model describes: neither over-constrained nor under-actuated.
 
 use super::closure::NotClosed;
+use super::limb::Prior;
 use super::mechanism::{Geometry, Mechanism};
 use super::posture::{ITERATIONS, Posture};
+use crate::lie::Se3;
 use nalgebra::{DMatrix, DVector};
 
 /// Ratio of the extreme singular values of the wrench matrix below which home counts as nearly singular.
@@ -14,6 +16,14 @@ pub enum MobilityError {
     /// Nothing drives the machine.
     #[error("no joint is actuated: mark the driven or sensed joints with \"actuated\": true")]
     NoActuator,
+    /// A machine built in code that has not the parts that a machine has.
+    #[error("{limb} is no limb: {why}; Mechanism::builder makes machines that hold together")]
+    NoLimb {
+        /// The limb, or where it would stand.
+        limb: String,
+        /// What it lacks.
+        why: String,
+    },
     /// Passive joints of one limb can move without moving the platform.
     #[error(
         "{limb} can spin: its passive joints {joints} can move together at home without moving the platform; \
@@ -91,9 +101,6 @@ pub fn near_singular_home(mechanism: &Mechanism, geometry: &Geometry) -> Option<
 
 /// Checks the machine at home with the given links.
 pub fn check(mechanism: &Mechanism, geometry: &Geometry) -> Result<Posture, MobilityError> {
-    if mechanism.actuator_count() == 0 {
-        return Err(MobilityError::NoActuator);
-    }
     check_structure(mechanism, geometry)?;
     let mut posture = Posture::new(mechanism);
     match posture.close(mechanism, geometry) {
@@ -108,11 +115,40 @@ pub fn check(mechanism: &Mechanism, geometry: &Geometry) -> Result<Posture, Mobi
     }
 }
 
-/// Checks what holds for the machine wherever it stands: no limb spins, and the limbs transmit six wrenches to the
-/// platform in all.
+/// Checks what holds for the machine wherever it stands: its parts are there, something drives it, no limb spins, and the
+/// limbs transmit six wrenches to the platform in all.
 pub fn check_structure(mechanism: &Mechanism, geometry: &Geometry) -> Result<(), MobilityError> {
+    check_parts(mechanism, geometry)?;
+    if mechanism.actuator_count() == 0 {
+        return Err(MobilityError::NoActuator);
+    }
     check_limbs(mechanism, geometry)?;
     check_wrenches(mechanism)
+}
+
+/// What reading a file makes sure of, for machines that were built in code.
+fn check_parts(mechanism: &Mechanism, geometry: &Geometry) -> Result<(), MobilityError> {
+    let refuse = |limb: &str, why: String| Err(MobilityError::NoLimb { limb: limb.to_owned(), why });
+    if mechanism.limbs.is_empty() {
+        return refuse("an empty list of limbs", "there is none".into());
+    }
+    for (i, limb) in mechanism.limbs.iter().enumerate() {
+        let (joints, links) = (limb.joints.len(), geometry.limbs.get(i).map_or(0, Vec::len));
+        if joints == 0 || links != joints + 1 || links != limb.links.len() {
+            return refuse(&limb.name, format!("it has {joints} joints and {links} links, one more than joints are needed"));
+        }
+        let lines = limb.joints.iter().all(|joint| joint.frame.is_finite() && joint.home.is_finite());
+        if !lines || !geometry.limbs[i].iter().all(Se3::is_finite) {
+            return refuse(&limb.name, "a joint or a link is not finite".into());
+        }
+        for link in &limb.links {
+            let usable = |prior: Prior| !matches!(prior, Prior::Sigma(sigma) if !(sigma > 0.0 && sigma.is_finite()));
+            if !usable(link.tolerance.angle) || !usable(link.tolerance.length) {
+                return refuse(&limb.name, format!("the tolerance of link {} is no positive number", link.name));
+            }
+        }
+    }
+    Ok(())
 }
 
 fn check_limbs(mechanism: &Mechanism, geometry: &Geometry) -> Result<(), MobilityError> {
