@@ -77,10 +77,19 @@ fn what_a_file_is_refused_for_is_refused_in_code_by_name() {
         (arm().revolute("a", [0.0; 3], z).actuated().revolute("a", [0.1, 0.0, 0.0], z).actuated(), "arm.a"),
         (arm().helical("a", [0.0; 3], z, 0.0).actuated(), "pitch"),
         (arm().revolute("a", [0.0; 3], z).actuated().range(1.0, -1.0), "range"),
-        (arm().revolute("a", [0.0; 3], z).actuated().joint_tolerance(Tolerance::sigma(-1.0, 1e-3)), "tolerance"),
-        (arm().revolute("a", [0.0; 3], z).actuated().joint_tolerance(Tolerance::sigma(f64::NAN, 1e-3)), "tolerance"),
+        (
+            arm().revolute("a", [0.0; 3], z).actuated().joint_tolerance(Tolerance::sigma(-1.0, 1e-3)),
+            "tolerance",
+        ),
+        (
+            arm().revolute("a", [0.0; 3], z).actuated().joint_tolerance(Tolerance::sigma(f64::NAN, 1e-3)),
+            "tolerance",
+        ),
         (arm().revolute("a", [0.0; 3], z).revolute("b", [0.1, 0.0, 0.0], z).actuated(), "under-actuated"),
-        (Mechanism::builder().limb("arm").revolute("a", [0.0; 3], z).actuated().tool(Se3::identity()), "tolerance"),
+        (
+            Mechanism::builder().limb("arm").revolute("a", [0.0; 3], z).actuated().tool(Se3::identity()),
+            "tolerance",
+        ),
         (arm().tool(Se3 { r: 2.0 * nalgebra::Matrix3::identity(), p: Vector3::zeros() }), "rotation matrix"),
     ];
     for (builder, word) in cases {
@@ -126,7 +135,8 @@ fn identified(machine: &Mechanism, readings: usize) -> Result<bool, IdentifyErro
     };
     let samples: Vec<Sample> = (0..5).map(sample).collect();
     let minimal = registry::find("minimal").unwrap();
-    identify(machine, &samples, minimal.as_ref(), &Stop::default()).map(|found| found.report.outcome.converged())
+    identify(machine, &samples, minimal.as_ref(), &Stop::default())
+        .map(|found| found.report.outcome.converged())
 }
 
 /// cases/library/invalid.rs.

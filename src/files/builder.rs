@@ -83,12 +83,22 @@ impl MechanismBuilder {
     }
 
     /// A translation along `axis`.
-    pub fn prismatic(self, name: &str, point: impl Into<Vector3<f64>>, axis: impl Into<Vector3<f64>>) -> Self {
+    pub fn prismatic(
+        self,
+        name: &str,
+        point: impl Into<Vector3<f64>>,
+        axis: impl Into<Vector3<f64>>,
+    ) -> Self {
         self.one_axis("prismatic", name, point, axis)
     }
 
     /// A rotation about `axis` and a translation along it, both free of each other.
-    pub fn cylindrical(self, name: &str, point: impl Into<Vector3<f64>>, axis: impl Into<Vector3<f64>>) -> Self {
+    pub fn cylindrical(
+        self,
+        name: &str,
+        point: impl Into<Vector3<f64>>,
+        axis: impl Into<Vector3<f64>>,
+    ) -> Self {
         self.one_axis("cylindrical", name, point, axis)
     }
 
@@ -230,13 +240,7 @@ impl MechanismBuilder {
         self.joint(kind, name, point, |joint| joint.axis = Some(axis))
     }
 
-    fn several_axes(
-        self,
-        kind: &str,
-        name: &str,
-        point: impl Into<Vector3<f64>>,
-        axes: &[[f64; 3]],
-    ) -> Self {
+    fn several_axes(self, kind: &str, name: &str, point: impl Into<Vector3<f64>>, axes: &[[f64; 3]]) -> Self {
         self.joint(kind, name, point, |joint| joint.axes = Some(axes.to_vec()))
     }
 

@@ -56,7 +56,9 @@ pub enum Fault {
     NoMachine(Box<MobilityError>),
     #[error("\"{what}\" comes before the first {before}; draw the {before} first")]
     Misplaced { what: String, before: &'static str },
-    #[error("the rotation of a pose is no rotation matrix: its columns must be at right angles, of length 1 and right-handed")]
+    #[error(
+        "the rotation of a pose is no rotation matrix: its columns must be at right angles, of length 1 and right-handed"
+    )]
     NoRotationMatrix,
     #[error("there is no limb; draw at least one")]
     NoLimb,

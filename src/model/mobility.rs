@@ -135,16 +135,23 @@ fn check_parts(mechanism: &Mechanism, geometry: &Geometry) -> Result<(), Mobilit
     for (i, limb) in mechanism.limbs.iter().enumerate() {
         let (joints, links) = (limb.joints.len(), geometry.limbs.get(i).map_or(0, Vec::len));
         if joints == 0 || links != joints + 1 || links != limb.links.len() {
-            return refuse(&limb.name, format!("it has {joints} joints and {links} links, one more than joints are needed"));
+            return refuse(
+                &limb.name,
+                format!("it has {joints} joints and {links} links, one more than joints are needed"),
+            );
         }
         let lines = limb.joints.iter().all(|joint| joint.frame.is_finite() && joint.home.is_finite());
         if !lines || !geometry.limbs[i].iter().all(Se3::is_finite) {
             return refuse(&limb.name, "a joint or a link is not finite".into());
         }
         for link in &limb.links {
-            let usable = |prior: Prior| !matches!(prior, Prior::Sigma(sigma) if !(sigma > 0.0 && sigma.is_finite()));
+            let usable =
+                |prior: Prior| !matches!(prior, Prior::Sigma(sigma) if !(sigma > 0.0 && sigma.is_finite()));
             if !usable(link.tolerance.angle) || !usable(link.tolerance.length) {
-                return refuse(&limb.name, format!("the tolerance of link {} is no positive number", link.name));
+                return refuse(
+                    &limb.name,
+                    format!("the tolerance of link {} is no positive number", link.name),
+                );
             }
         }
     }
