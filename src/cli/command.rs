@@ -25,8 +25,8 @@ const NAMED: usize = 8;
 pub struct Args {
     /// Problem or result file: its machine is brought to the poses
     model: PathBuf,
-    /// Wanted poses: CSV with x, y, z and a rotation, or JSON with samples; actuator readings beside a pose say where
-    /// to begin (home where there are none)
+    /// Wanted poses: CSV with x, y, z and a rotation, or JSON with samples (positions alone with --free rx,ry,rz);
+    /// actuator readings beside a pose say where to begin (home where there are none)
     #[arg(long, value_name = "FILE")]
     poses: PathBuf,
     /// Components, of tx, ty, tz, rx, ry, rz along and about the axes of {S}, that need not be followed
@@ -50,7 +50,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let (mechanism, geometry) = (&model.mechanism, model.mechanism.nominal());
     mobility::check(mechanism, &geometry)
         .map_err(|why| CliError::Mobility { file: model.file.clone(), why })?;
-    let wanted = read_wanted(&args.poses, &model)?;
+    let wanted = read_wanted(&args.poses, &model, followed[..3].contains(&true))?;
     let home = vec![0.0; mechanism.actuator_count()];
     let found: Vec<_> = with_spinner(format!("seeking {} poses", wanted.len()), || {
         let seek = |w: &crate::files::WantedPose| {

@@ -108,6 +108,11 @@ pub enum Fault {
     NoRotation,
     #[error("no rotation; a drawn pose needs \"rotation\" or \"quaternion\"")]
     NoDrawnRotation,
+    #[error(
+        "no rotation; give one with every pose or, where the position is all that is wanted, give the rotation up: \
+         --free rx,ry,rz"
+    )]
+    NoWantedRotation,
     #[error("both rotation and quaternion given; remove one")]
     TwoRotations,
     #[error("a component is missing; this pose needs all of them")]

@@ -43,8 +43,8 @@ struct Wanted {
 }
 
 /// Reads the poses of `path` for `model`, whose units govern it: CSV, or JSON with `samples`. A file that begins with a
-/// brace is JSON.
-pub fn read_wanted(path: &Path, model: &Model) -> Result<Vec<WantedPose>, FileError> {
+/// brace is JSON. Without `turned` positions are enough: rotations are left aside, and poses have that of home.
+pub fn read_wanted(path: &Path, model: &Model, turned: bool) -> Result<Vec<WantedPose>, FileError> {
     let file = path.display().to_string();
     let is_json = |bytes: &[u8]| {
         matches!(first_byte(bytes), Some(b'{' | b'['))
@@ -55,13 +55,34 @@ pub fn read_wanted(path: &Path, model: &Model) -> Result<Vec<WantedPose>, FileEr
         false => table::check_beginning(&file, beginning),
     })?;
     if is_json(&bytes) {
-        return from_json(&file, &bytes, model);
+        return from_json(&file, &bytes, model, turned).map_err(how_to_do_without);
     }
     let short = path.file_name().map_or_else(|| file.clone(), |name| name.to_string_lossy().into_owned());
-    from_table(&file, &short, &bytes, model)
+    from_table(&file, &short, &bytes, model, turned).map_err(how_to_do_without)
 }
 
-fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<WantedPose>, FileError> {
+/// Positions alone are commanded where rotations are given up.
+fn how_to_do_without(mut why: FileError) -> FileError {
+    if matches!(why.fault, Fault::NoRotation | Fault::NoDrawnRotation) {
+        why.fault = Fault::NoWantedRotation;
+    }
+    why
+}
+
+/// The pose that is wanted.
+fn wanted_pose(drawing: &PoseDrawing, model: &Model, turned: bool, at: &Place<'_>) -> Result<Se3, FileError> {
+    if turned {
+        return drawing.complete(model.units, at);
+    }
+    let seen = drawing.position_only(model.units, at)?;
+    if seen.position != [true; 3] {
+        return Err(at.error(Fault::Incomplete));
+    }
+    let home = model.mechanism.nominal().home_frames(0).pop().unwrap_or_else(Se3::identity);
+    Ok(Se3 { r: home.r, ..seen.pose })
+}
+
+fn from_json(file: &str, bytes: &[u8], model: &Model, turned: bool) -> Result<Vec<WantedPose>, FileError> {
     let content: WantedFile = json::parse(file, bytes)?;
     let whole = Place::file(file);
     let list = whole.key("samples");
@@ -73,7 +94,7 @@ fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<WantedPose>,
         let name = format!("sample {}", i + 1);
         let entry = list.index(i);
         let here = entry.named(&name);
-        let pose = sample.pose.complete(model.units, &here.key("pose"))?;
+        let pose = wanted_pose(&sample.pose, model, turned, &here.key("pose"))?;
         let near = sample
             .actuators
             .map(|readings| variables(&model.mechanism, model.units, &readings, &here.key("actuators")))
@@ -83,12 +104,18 @@ fn from_json(file: &str, bytes: &[u8], model: &Model) -> Result<Vec<WantedPose>,
     Ok(wanted)
 }
 
-fn from_table(file: &str, short: &str, bytes: &[u8], model: &Model) -> Result<Vec<WantedPose>, FileError> {
+fn from_table(
+    file: &str,
+    short: &str,
+    bytes: &[u8],
+    model: &Model,
+    turned: bool,
+) -> Result<Vec<WantedPose>, FileError> {
     let names = model.mechanism.actuator_names();
     let parse = |actuators: &[String]| {
         let others = OtherColumns::default();
-        let request =
-            TableRequest { actuators, columns: None, filter: None, poses: PoseColumns::Complete, others };
+        let poses = if turned { PoseColumns::Complete } else { PoseColumns::Position };
+        let request = TableRequest { actuators, columns: None, filter: None, poses, others };
         table::parse(file, bytes, &request)
     };
     let (table, has_readings) = match parse(&names) {
@@ -109,7 +136,7 @@ fn from_table(file: &str, short: &str, bytes: &[u8], model: &Model) -> Result<Ve
             .transpose()?;
         wanted.push(WantedPose {
             name: format!("{short} line {}", row.line),
-            pose: row.pose.complete(model.units, &line)?,
+            pose: wanted_pose(&row.pose, model, turned, &line)?,
             near,
         });
     }

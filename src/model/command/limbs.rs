@@ -16,15 +16,16 @@ use std::f64::consts::TAU;
 const STARTS: usize = 24;
 /// Most solutions kept of a limb.
 const MOST: usize = 8;
-/// Most combinations of them that are looked at, and that are handed on.
-const COMBINATIONS: (usize, usize) = (4096, 192);
+/// Most combinations of them that are looked at: those of six limbs of four solutions each.
+const COMBINATIONS: usize = 4096;
 /// Joint variables that differ by less are the same solution, rad or m.
 const SAME: f64 = 1e-6;
 /// All six components.
 const WHOLE: [bool; 6] = [true; 6];
 
-/// Readings within the ranges that make the pose in the assembly mode of `near`, those near to it first; none where a limb
-/// finds none. Which of them predictions lead to the pose is not asked.
+/// Readings within the ranges that make the pose: those in the assembly mode of `near` first, and of these the ones near to
+/// it; none where a limb finds none. Which of them predictions lead to the pose is not asked: the sign that tells modes
+/// apart turns over with limbs whose passive joints are turned over.
 pub(super) fn readings_by_limb(
     mechanism: &Mechanism,
     geometry: &Geometry,
@@ -39,18 +40,16 @@ pub(super) fn readings_by_limb(
         solutions.push(of_limb(limb, links, &near.q[own], pose));
     }
     let counts: Vec<usize> = solutions.iter().map(Vec::len).collect();
-    let mut found = Vec::new();
-    for choice in by_rank(&counts, COMBINATIONS.0) {
+    let (mut found, mut others) = (Vec::new(), Vec::new());
+    for choice in by_rank(&counts, COMBINATIONS) {
         let mut posture = near.clone();
         posture.q = solutions.iter().zip(choice).flat_map(|(own, i)| own[i].iter().copied()).collect();
         let readings = active(mechanism, &posture);
-        if posture.close(mechanism, geometry).is_ok() && posture.mode == near.mode {
-            found.push(readings);
-        }
-        if found.len() == COMBINATIONS.1 {
-            break;
+        if posture.close(mechanism, geometry).is_ok() {
+            if posture.mode == near.mode { &mut found } else { &mut others }.push(readings);
         }
     }
+    found.append(&mut others);
     found
 }
 

@@ -24,6 +24,8 @@ use way::along;
 const REACHED: f64 = 1e-10;
 /// Singular values below this part of the largest belong to motions that the tool does not follow.
 const NO_MOTION: f64 = 1e-9;
+/// Readings that limbs find for themselves, of which predictions are tried before other starts are; the others after.
+const FIRST_BY_LIMBS: usize = 192;
 /// Further starts, postures with actuators spread over their ranges.
 const FURTHER_STARTS: usize = 24;
 /// The same for arms and for machines with more drives than components to follow, as long as the pose is reached but not
@@ -96,6 +98,7 @@ impl Search<'_> {
         let mut outside: Option<Commanded> = None;
         let mut failure = None;
         let mut reached = false;
+        let mut by_limbs = Vec::new();
         let components = self.followed.iter().filter(|f| **f).count();
         let redundant = self.ranges.open || self.mechanism.actuator_count() > components;
         let most = if redundant { STARTS_OF_REDUNDANT } else { FURTHER_STARTS };
@@ -103,10 +106,13 @@ impl Search<'_> {
             if attempt > FURTHER_STARTS && !reached {
                 break;
             }
-            if attempt == 1
-                && let Some(commanded) = self.by_limbs()
-            {
-                return Ok(commanded);
+            if attempt == 1 {
+                by_limbs = self.by_limbs();
+                let later = by_limbs.split_off(by_limbs.len().min(FIRST_BY_LIMBS));
+                if let Some(commanded) = self.first_predicted(by_limbs) {
+                    return Ok(commanded);
+                }
+                by_limbs = later;
             }
             let from = if attempt == 0 { self.start.to_vec() } else { self.ranges.start(attempt) };
             let (found, left) = match at(self.mechanism, self.geometry, &from) {
@@ -143,7 +149,7 @@ impl Search<'_> {
                 }
             }
         }
-        if let Some(commanded) = outside {
+        if let Some(commanded) = self.first_predicted(by_limbs).or(outside) {
             return Ok(commanded);
         }
         if let (Some((posture, _)), false) = (closest, matches!(failure, Some(NotReached::OtherMode))) {
@@ -157,14 +163,20 @@ impl Search<'_> {
     }
 
     /// Readings within the ranges from what each limb finds for itself; for whole poses of machines with loops.
-    fn by_limbs(&self) -> Option<Commanded> {
+    fn by_limbs(&self) -> Vec<Vec<f64>> {
         if self.ranges.open || self.followed != [true; 6] {
-            return None;
+            return Vec::new();
         }
         let home = vec![0.0; self.start.len()];
         let near = at(self.mechanism, self.geometry, self.start);
-        let near = near.or_else(|_| at(self.mechanism, self.geometry, &home)).ok()?;
-        let all = readings_by_limb(self.mechanism, self.geometry, &near, self.pose);
+        match near.or_else(|_| at(self.mechanism, self.geometry, &home)) {
+            Ok(near) => readings_by_limb(self.mechanism, self.geometry, &near, self.pose),
+            Err(_) => Vec::new(),
+        }
+    }
+
+    /// The first of the readings from which predictions lead to the pose.
+    fn first_predicted(&self, all: Vec<Vec<f64>>) -> Option<Commanded> {
         all.into_iter().find_map(|readings| self.predicted(readings))
     }
 
