@@ -83,7 +83,8 @@ pub fn share_reached(reached: &Reached) -> String {
             .into();
     }
     format!(
-        "of {machines} machines drawn from the tolerances {:.1} % reach each posture, {:.1} % the worst one",
+        "of {machines} machines drawn from the tolerances, none of which chose the postures, {:.1} % reach each posture, \
+         {:.1} % the worst one",
         100.0 * mean,
         100.0 * least
     )

@@ -13,7 +13,7 @@ const MACHINES: usize = 200;
 /// The first of them, by which every candidate is judged beforehand.
 const FIRST: usize = 6;
 /// Machines drawn until there are enough of those that close at home.
-const TRIES: u64 = 2 * MACHINES as u64;
+const TRIES: u64 = 4 * MACHINES as u64;
 /// Most machines that a posture of a plan may be out of reach of.
 const MOST_MISSED: usize = MACHINES / 100;
 /// Most plans made until every posture of one is reached.
@@ -24,13 +24,16 @@ const SEED: u64 = 0x5265_6163_6865_6421;
 /// Machines drawn from the tolerances.
 #[derive(Clone, Debug)]
 pub struct RealMachines {
+    /// Those by which postures are chosen.
     machines: Vec<Geometry>,
+    /// Others, by which what was chosen is judged: a choice flatters itself.
+    others: Vec<Geometry>,
 }
 
-/// How many of the machines drawn from the tolerances reach the postures of a plan.
+/// How many machines drawn from the tolerances, others than those by which the postures were chosen, reach a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reached {
-    /// Machines drawn.
+    /// Machines drawn to judge the plan.
     pub machines: usize,
     /// Share of machines that reach a posture, mean over the postures.
     pub mean: f64,
@@ -44,7 +47,7 @@ impl RealMachines {
     pub fn drawn(mechanism: &Mechanism) -> Self {
         let mut machines = Vec::new();
         if mechanism.is_open_chain() {
-            return Self { machines };
+            return Self { machines, others: Vec::new() };
         }
         let home = vec![0.0; mechanism.actuator_count()];
         for k in 0..TRIES {
@@ -53,33 +56,25 @@ impl RealMachines {
             if close(mechanism, &geometry, &home).is_ok() {
                 machines.push(geometry);
             }
-            if machines.len() == MACHINES {
+            if machines.len() == 2 * MACHINES {
                 break;
             }
         }
-        Self { machines }
+        let others = machines.split_off(machines.len().div_ceil(2));
+        Self { machines, others }
     }
 
-    /// How many of the first `count` machines do not reach the posture on home's branch with every joint in its range;
-    /// counted to one more than `most`.
+    /// How many of the first `count` machines do not reach the posture; counted to one more than `most`.
     fn missed(&self, mechanism: &Mechanism, actuators: &[f64], count: usize, most: usize) -> usize {
-        let mut missed = 0;
-        for geometry in self.machines.iter().take(count) {
-            let reached =
-                close(mechanism, geometry, actuators).is_ok_and(|p| in_range(mechanism, &p).is_ok());
-            missed += usize::from(!reached);
-            if missed > most {
-                break;
-            }
-        }
-        missed
+        let count = count.min(self.machines.len());
+        missed(mechanism, &self.machines[..count], actuators, most)
     }
 
-    /// How many reach these of the candidates.
+    /// How many of the other machines reach these of the candidates.
     fn reached(&self, mechanism: &Mechanism, candidates: &[Candidate], visited: &[usize]) -> Reached {
-        let machines = self.machines.len();
+        let machines = self.others.len();
         let share = |&i: &usize| {
-            let missed = self.missed(mechanism, &candidates[i].actuators, machines, machines);
+            let missed = missed(mechanism, &self.others, &candidates[i].actuators, machines);
             1.0 - missed as f64 / machines.max(1) as f64
         };
         let shares: Vec<f64> = visited.par_iter().map(share).collect();
@@ -97,6 +92,15 @@ impl RealMachines {
             candidates.fit.par_iter().map(|c| self.missed(mechanism, &c.actuators, FIRST, 0) > 0).collect();
         without(candidates, &judged, FIRST.min(self.machines.len()), group)
     }
+}
+
+/// How many of the machines do not reach the posture on home's branch with every joint in its range; counted to one more
+/// than `most`.
+fn missed(mechanism: &Mechanism, machines: &[Geometry], actuators: &[f64], most: usize) -> usize {
+    let misses = |geometry: &&Geometry| {
+        !close(mechanism, geometry, actuators).is_ok_and(|posture| in_range(mechanism, &posture).is_ok())
+    };
+    machines.iter().filter(misses).take(most.saturating_add(1)).count()
 }
 
 /// The candidates without those that are missed, and without the others of their groups.
@@ -144,7 +148,8 @@ pub struct ReachedPlan {
 }
 
 /// Chooses postures until all of them are reached by all but a hundredth of the machines; `told` puts into words why a
-/// posture is unfit. Where the candidates run out or the rounds end, the last plan is the one, with the share it reaches.
+/// posture is unfit. Where the candidates run out or the rounds end, the last plan is the one. The share stated is that of
+/// other machines.
 pub fn reached_plan(
     request: &Request<'_>,
     real: &RealMachines,

@@ -4,10 +4,14 @@ pub mod readings;
 
 pub use readings::{SimulatedSet, at_each_posture, read, simulate_sets, simulate_sets_truth, touch};
 
-use crate::lie::{Se3, so3};
+use crate::lie::{
+    Se3,
+    se3::{self, Twist},
+    so3,
+};
 use crate::model::inverse::close_by_path;
 use crate::model::mobility::{NearSingularHome, near_singular_home};
-use crate::model::{Geometry, Joint, Mechanism, NotClosed, Posture, Prior};
+use crate::model::{Geometry, Joint, Mechanism, NotClosed, Posture, Prior, Tolerance};
 use nalgebra::{Matrix6, Vector6};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -98,29 +102,54 @@ fn stream(seed: u64, number: u64) -> ChaCha8Rng {
     rng
 }
 
-/// Deviations of links (rad, m) and of the instrument's constants drawn from `distance` times the tolerances; free and held links stay as drawn.
+/// Deviations of links (rad, m) and of the instrument's constants drawn from `distance` times the tolerances, those of
+/// placement and tool mounting included; what is free or held stays as drawn.
 pub fn draw_deviations(mechanism: &Mechanism, seed: u64, distance: f64) -> Vec<f64> {
     let mut rng = stream(seed, 0);
     let mut deviations = Vec::with_capacity(mechanism.component_count());
     for link in mechanism.limbs.iter().flat_map(|limb| &limb.links) {
-        for prior in [link.tolerance.angle, link.tolerance.length] {
-            for _ in 0..3 {
-                let normal: f64 = StandardNormal.sample(&mut rng);
-                deviations.push(match prior {
-                    Prior::Sigma(sigma) => normal * sigma * distance,
-                    Prior::Held | Prior::Free => 0.0,
-                });
-            }
-        }
+        deviations.extend_from_slice(twist(link.tolerance, distance, &mut rng).as_slice());
     }
     for constant in &mechanism.instrument {
-        let normal: f64 = StandardNormal.sample(&mut rng);
-        deviations.push(match constant.prior {
-            Prior::Sigma(sigma) => normal * sigma * distance,
-            Prior::Held | Prior::Free => 0.0,
-        });
+        deviations.push(drawn(constant.prior, distance, &mut rng));
+    }
+    // A stream of their own: links are the same with and without.
+    let mut rng = stream(seed, 4);
+    let mut motion = |stated: Option<Tolerance>| stated.map(|t| se3::exp(&twist(t, distance, &mut rng)));
+    let (placement, mounting) = (motion(mechanism.ends.placement), motion(mechanism.ends.tool_mounting));
+    let mut first = 0;
+    for limb in &mechanism.limbs {
+        let last = first + 6 * limb.links.len();
+        if let (Some(x), Some(link)) = (placement, limb.links.first()) {
+            // X N exp(d) = N exp(d')
+            moved(&mut deviations[first..first + 6], |g| link.nominal.inverse() * (x * (link.nominal * g)));
+        }
+        if let (Some(y), Some(_)) = (mounting, limb.links.last()) {
+            moved(&mut deviations[last - 6..last], |g| g * y);
+        }
+        first = last;
     }
     deviations
+}
+
+/// A value drawn from a prior; zero where it is free or held.
+fn drawn(prior: Prior, distance: f64, rng: &mut ChaCha8Rng) -> f64 {
+    let normal: f64 = StandardNormal.sample(rng);
+    match prior {
+        Prior::Sigma(sigma) => normal * sigma * distance,
+        Prior::Held | Prior::Free => 0.0,
+    }
+}
+
+/// A twist, rotation first.
+fn twist(tolerance: Tolerance, distance: f64, rng: &mut ChaCha8Rng) -> Twist {
+    Twist::from_fn(|i, _| drawn(if i < 3 { tolerance.angle } else { tolerance.length }, distance, rng))
+}
+
+/// The deviation of a link whose motion behind its nominal is changed.
+fn moved(deviation: &mut [f64], by: impl Fn(Se3) -> Se3) {
+    let own = se3::exp(&Twist::from_column_slice(deviation));
+    deviation.copy_from_slice(se3::log(&by(own)).as_slice());
 }
 
 /// Least and greatest variable (reading - home, rad or m) of each actuator: its range as drawn; where none is drawn, half
