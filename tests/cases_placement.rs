@@ -85,6 +85,86 @@ fn a_typo_of_the_drawing_is_seen_where_it_is() {
     assert_eq!(far.map(|row| row[0]).collect::<Vec<_>>(), ["limb3"]);
 }
 
+/// A hexapod that stands as drawn: a placement that is free is found where the drawing has it, and its base joints deviate as
+/// they do without one: none of them turns.
+#[test]
+fn a_machine_that_stands_as_drawn_is_placed_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut problem = read(&placed("n_ok_free.json", folder.path()));
+    let with = identified(&write(folder.path(), "with.json", &problem), folder.path(), "");
+    problem["mechanism"].as_object_mut().unwrap().remove("placement");
+    let without = identified(&write(folder.path(), "without.json", &problem), folder.path(), "");
+    let place = &with["placement"];
+    for (value, std) in [("position", "translation"), ("rotation", "rotation")] {
+        for i in 0..3 {
+            let (value, std) = (place[value][i].as_f64().unwrap(), place["std"][std][i].as_f64().unwrap());
+            assert!(value.abs() < 2.0 * std, "{place}");
+        }
+    }
+    let bases = |result: &Value| -> Vec<Value> {
+        let links = result["links"].as_array().unwrap().iter();
+        links.filter(|link| link["link"] == "base.1").cloned().collect()
+    };
+    for (with, without) in bases(&with).iter().zip(&bases(&without)) {
+        // Tolerances are 0.05 deg and 0.5 mm.
+        for (part, tolerance) in [("rotation", 0.05), ("translation", 0.5)] {
+            for i in 0..3 {
+                let a = with["beside"][part][i].as_f64().unwrap();
+                let b = without["deviation"][part][i].as_f64().unwrap();
+                assert!(
+                    (a - b).abs() < if i < 2 || part == "rotation" { 0.4 } else { 0.5 } * tolerance,
+                    "{with} {without}"
+                );
+            }
+        }
+    }
+}
+
+/// A true machine stands and carries its tool within the tolerances of placement and mounting, each component of its own;
+/// its links are those without them.
+#[test]
+fn placement_and_mounting_are_drawn_from_their_tolerances() {
+    let plain = problem("tripod-3prs.json");
+    let tolerance = |angle, length| Tolerance { angle: Prior::Sigma(angle), length: Prior::Sigma(length) };
+    let mut machine = plain.clone();
+    machine.ends =
+        Ends { placement: Some(tolerance(0.02, 0.03)), tool_mounting: Some(tolerance(0.01, 0.005)) };
+    let (mut square, count) = ([0.0_f64; 12], 400);
+    for seed in 0..count {
+        let own = plain.deviated(&draw_deviations(&plain, seed, 1.0));
+        let whole = plain.deviated(&draw_deviations(&machine, seed, 1.0));
+        let mut motions = Vec::new();
+        for (own, whole) in own.limbs.iter().zip(&whole.limbs) {
+            let (first, last) = (0, own.len() - 1);
+            let x = whole[first] * own[first].inverse();
+            let y = own[last].inverse() * whole[last];
+            for k in 1..last {
+                assert!((whole[k].p - own[k].p).norm() < 1e-12);
+            }
+            motions.push((x, y));
+        }
+        // One motion for all limbs.
+        for (x, y) in &motions {
+            let (w, p) = pose_difference(x, &motions[0].0);
+            let (v, q) = pose_difference(y, &motions[0].1);
+            assert!(w.norm() + p.norm() + v.norm() + q.norm() < 1e-12);
+        }
+        let both = [se3::log(&motions[0].0), se3::log(&motions[0].1)];
+        for (sum, value) in square.iter_mut().zip(both.iter().flat_map(|twist| twist.iter())) {
+            *sum += value * value;
+        }
+    }
+    for (i, sum) in square.iter().enumerate() {
+        let sigma = [0.02, 0.03, 0.01, 0.005][i / 3];
+        let ratio = (sum / count as f64).sqrt() / sigma;
+        assert!((0.88..1.12).contains(&ratio), "{i} {ratio}");
+    }
+    // What is free stays as drawn.
+    machine.ends = Ends { placement: Some(FREE), tool_mounting: Some(HELD) };
+    let (a, b) = (draw_deviations(&plain, 5, 1.0), draw_deviations(&machine, 5, 1.0));
+    assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-15));
+}
+
 /// What an instrument anywhere says of links is what the same data in the machine's frame say.
 #[test]
 fn links_beside_a_placement_do_not_depend_on_where_the_instrument_is() {

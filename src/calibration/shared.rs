@@ -205,9 +205,10 @@ fn sigma(tolerance: Tolerance, i: usize, length: f64) -> f64 {
     }
 }
 
-/// About where a placement turns: the origin of {S} where its tolerance is stated, amid the first joints where it is free.
+/// About where a placement turns: the origin of {S} where a tolerance of its turn, or of where that origin is, is stated;
+/// amid the first joints where all of it is free.
 fn centre(mechanism: &Mechanism, tolerance: Tolerance) -> Vector3<f64> {
-    if tolerance.angle != Prior::Free {
+    if tolerance.angle != Prior::Free || tolerance.length != Prior::Free {
         return Vector3::zeros();
     }
     let firsts = mechanism.limbs.iter().filter_map(|limb| limb.links.first());

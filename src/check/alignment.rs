@@ -2,7 +2,7 @@
 //! where that is blunt: what ranks thousands of hypotheses. What is named is fitted in [`super::fit`].
 
 use super::observed::{Observed, Seen};
-use super::rotation::{nearest_rotation, sharpness};
+use crate::identify::hand_eye::{self, Pair};
 use crate::identify::registration::FreeEnds;
 use crate::lie::{Se3, so3};
 use crate::statistics::median;
@@ -48,17 +48,17 @@ pub(super) fn align(predicted: &[Option<Se3>], observed: &Observed, free: FreeEn
     let (known, ends, errors) = match &observed.seen {
         Seen::Poses(poses) => {
             let both = predicted.iter().zip(poses).enumerate();
-            let pairs: Vec<(usize, Se3, Se3)> =
-                both.filter_map(|(k, (g, m))| Some((k, (*g)?, (*m)?))).collect();
+            let (which, pairs): (Vec<usize>, Vec<Pair>) =
+                both.filter_map(|(k, (g, m))| Some((k, ((*g)?, (*m)?)))).unzip();
             if !enough(pairs.len(), poses.iter().flatten().count()) {
                 return None;
             }
             let (base, tool) = of_poses(&pairs, free, length)?;
-            let error = |(k, g, m): &(usize, Se3, Se3)| {
+            let error = |(k, (g, m)): (&usize, &Pair)| {
                 let (w, v) = difference(&(base * *g * tool), m);
                 (*k, [w.x / angle, w.y / angle, w.z / angle, v.x / length, v.y / length, v.z / length])
             };
-            (2.0, (base, tool), pairs.iter().map(error).collect::<Vec<_>>())
+            (2.0, (base, tool), which.iter().zip(&pairs).map(error).collect::<Vec<_>>())
         }
         Seen::Points(points, at) => {
             let both = predicted.iter().zip(points).enumerate();
@@ -98,62 +98,30 @@ fn mean(values: impl Iterator<Item = Vector3<f64>>, count: usize) -> Vector3<f64
 }
 
 /// Base `X` and tool `Y` of `m = X g Y`.
-fn of_poses(pairs: &[(usize, Se3, Se3)], free: FreeEnds, length: f64) -> Option<(Se3, Se3)> {
+fn of_poses(pairs: &[Pair], free: FreeEnds, length: f64) -> Option<(Se3, Se3)> {
     let n = pairs.len();
-    let (mut x, mut y) = (Matrix3::identity(), Matrix3::identity());
     let mut blunt = false;
-    if free.base && free.tool {
-        let mut sum = Matrix3::zeros();
-        for stride in [1, (n / 3).max(1)] {
-            for i in 0..n {
-                let ((_, gi, mi), (_, gj, mj)) = (&pairs[i], &pairs[(i + stride) % n]);
-                let from = so3::log(&(gj.r * gi.r.transpose()));
-                let to = so3::log(&(mj.r * mi.r.transpose()));
-                // A turn by almost pi has no sure sign.
-                if from.norm() < 2.8 && to.norm() < 2.8 {
-                    sum += to * from.transpose();
-                }
-            }
-        }
-        blunt = sharpness(&sum) < BLUNT || sum.norm() < 1e-3 * n as f64;
+    let x = if free.base && free.tool {
+        let mut sum = hand_eye::relative_turns(pairs);
+        blunt = so3::nearest(&sum)?.sharpness < BLUNT || sum.norm() < 1e-3 * n as f64;
         if blunt {
             // Shifts tell what turns do not: they are those of the base where the tool hardly turns.
-            let (g0, m0) =
-                (mean(pairs.iter().map(|(_, g, _)| g.p), n), mean(pairs.iter().map(|(_, _, m)| m.p), n));
-            let shifts: Matrix3<f64> =
-                pairs.iter().map(|(_, g, m)| (m.p - m0) * (g.p - g0).transpose()).sum();
+            let (g0, m0) = (mean(pairs.iter().map(|(g, _)| g.p), n), mean(pairs.iter().map(|(_, m)| m.p), n));
+            let shifts: Matrix3<f64> = pairs.iter().map(|(g, m)| (m.p - m0) * (g.p - g0).transpose()).sum();
             sum += shifts / (length * length);
         }
-        x = nearest_rotation(&sum)?;
+        so3::nearest(&sum)?.rotation
     } else if free.base {
-        x = nearest_rotation(&pairs.iter().map(|(_, g, m)| m.r * g.r.transpose()).sum())?;
-    }
-    if free.tool {
-        y = nearest_rotation(&pairs.iter().map(|(_, g, m)| g.r.transpose() * x.transpose() * m.r).sum())?;
-    }
-    let mut tool = Se3 { r: y, p: Vector3::zeros() };
-    let mut base = Se3 { r: x, p: Vector3::zeros() };
-    let left = |(_, g, m): &(usize, Se3, Se3)| m.p - x * g.p;
-    if free.tool {
-        // m.p - X g.p = X g.r p_Y + p_X, about the means where the base is free.
-        let (a0, b0) = match free.base {
-            true => (
-                pairs.iter().map(|(_, g, _)| x * g.r).sum::<Matrix3<f64>>() / n as f64,
-                mean(pairs.iter().map(left), n),
-            ),
-            false => (Matrix3::zeros(), Vector3::zeros()),
-        };
-        let (mut normal, mut right) = (Matrix3::identity() * (PULL * n as f64), Vector3::zeros());
-        for pair in pairs {
-            let a = x * pair.1.r - a0;
-            normal += a.tr_mul(&a);
-            right += a.tr_mul(&(left(pair) - b0));
-        }
-        tool.p = normal.cholesky()?.solve(&right);
-    }
-    if free.base {
-        base.p = mean(pairs.iter().map(|pair| left(pair) - x * pair.1.r * tool.p), n);
-    }
+        so3::nearest(&hand_eye::turns(pairs))?.rotation
+    } else {
+        Matrix3::identity()
+    };
+    let y = match free.tool {
+        true => so3::nearest(&hand_eye::tool_turns(pairs, &x))?.rotation,
+        false => Matrix3::identity(),
+    };
+    let (place, offset) = hand_eye::shifts(pairs, &x, (free.base, free.tool), PULL.sqrt())?;
+    let (mut base, mut tool) = (Se3 { r: x, p: place }, Se3 { r: y, p: offset });
     if blunt {
         (base, tool) = settled(pairs, base, tool, length);
     }
@@ -161,10 +129,10 @@ fn of_poses(pairs: &[(usize, Se3, Se3)], free: FreeEnds, length: f64) -> Option<
 }
 
 /// Gauss-Newton on base and tool.
-fn settled(pairs: &[(usize, Se3, Se3)], mut base: Se3, mut tool: Se3, length: f64) -> (Se3, Se3) {
-    let centre = mean(pairs.iter().map(|(_, _, m)| m.p), pairs.len());
+fn settled(pairs: &[Pair], mut base: Se3, mut tool: Se3, length: f64) -> (Se3, Se3) {
+    let centre = mean(pairs.iter().map(|(_, m)| m.p), pairs.len());
     let cost = |base: &Se3, tool: &Se3| -> f64 {
-        let error = |(_, g, m): &(usize, Se3, Se3)| {
+        let error = |(g, m): &Pair| {
             let (w, v) = difference(&(*base * *g * *tool), m);
             w.norm_squared() + v.norm_squared() / (length * length)
         };
@@ -174,7 +142,7 @@ fn settled(pairs: &[(usize, Se3, Se3)], mut base: Se3, mut tool: Se3, length: f6
     for _ in 0..STEPS {
         let mut normal = SMatrix::<f64, 12, 12>::zeros();
         let mut right = SVector::<f64, 12>::zeros();
-        for (_, g, m) in pairs {
+        for (g, m) in pairs {
             let at = base * *g * tool;
             let (w, v) = difference(&at, m);
             let mut jac = SMatrix::<f64, 6, 12>::zeros();
@@ -239,7 +207,8 @@ fn onto(pairs: &[(usize, Se3, Vector3<f64>)], at: &Vector3<f64>) -> Option<Se3> 
     let place = |g: &Se3| g.r * at + g.p;
     let from = mean(pairs.iter().map(|(_, g, _)| place(g)), n);
     let to = mean(pairs.iter().map(|(_, _, m)| *m), n);
-    let r = nearest_rotation(&pairs.iter().map(|(_, g, m)| (m - to) * (place(g) - from).transpose()).sum())?;
+    let sum = pairs.iter().map(|(_, g, m)| (m - to) * (place(g) - from).transpose()).sum();
+    let r = so3::nearest(&sum)?.rotation;
     Some(Se3 { r, p: to - r * from })
 }
 

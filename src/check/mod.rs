@@ -14,7 +14,6 @@ mod prediction;
 mod ranking;
 pub mod reading;
 pub mod repeats;
-mod rotation;
 pub mod search;
 mod words;
 

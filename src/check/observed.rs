@@ -4,7 +4,6 @@
 //! free, it is where the first posture's targets went, and the tool counts as free.
 
 use super::reading::Reading;
-use super::rotation::nearest_rotation;
 use crate::lie::{Se3, so3};
 use crate::measure::Point;
 use crate::model::{Mechanism, Prior};
@@ -71,7 +70,7 @@ fn spread(positions: &[Vector3<f64>]) -> f64 {
 }
 
 fn turn_spread(rotations: &[Matrix3<f64>]) -> f64 {
-    let Some(mean) = nearest_rotation(&rotations.iter().sum()) else { return 0.0 };
+    let Some(mean) = so3::nearest(&rotations.iter().sum()).map(|near| near.rotation) else { return 0.0 };
     let square: f64 = rotations.iter().map(|r| so3::log(&(mean.transpose() * r)).norm_squared()).sum();
     (square / rotations.len().max(1) as f64).sqrt()
 }
@@ -167,6 +166,6 @@ fn pose_of(pairs: &[(Vector3<f64>, Vector3<f64>)]) -> Option<Se3> {
         return None;
     }
     let sum: Matrix3<f64> = pairs.iter().map(|(a, b)| (b - to) * (a - from).transpose()).sum();
-    let r = nearest_rotation(&sum)?;
+    let r = so3::nearest(&sum)?.rotation;
     Some(Se3 { r, p: to - r * from })
 }

@@ -13,6 +13,7 @@ use super::ranking::{Ranked, Ranking};
 use super::reading::{Reading, postures, some_of};
 use crate::calibration::Sample;
 use crate::identify::registration::{FreeEnds, register};
+use crate::lie::so3;
 use crate::model::Mechanism;
 use crate::statistics::median;
 use nalgebra::{Matrix3, Vector3};
@@ -333,5 +334,5 @@ fn unplaced(mechanism: &Mechanism, data: &[Reading]) -> bool {
     };
     let mean = places.iter().sum::<Vector3<f64>>() / places.len().max(1) as f64;
     let sum: Matrix3<f64> = places.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
-    super::rotation::sharpness(&sum) < LINE * LINE
+    so3::nearest(&sum).is_none_or(|near| near.sharpness < LINE * LINE)
 }

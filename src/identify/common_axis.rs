@@ -10,7 +10,7 @@
 //! `psi_k` is the tool's turn from the first posture, `q` the offset of the measured point across `b`. Along `b` the
 //! offsets of base and tool cannot be told apart; the base takes both.
 
-use super::registration::nearest_rotation;
+use super::hand_eye::{Pair, tool_turns};
 use crate::lie::{Se3, so3};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Unit, Vector3};
 
@@ -19,8 +19,8 @@ const ITERATIONS: usize = 1000;
 
 /// `X` and `Y` of `measured = X g Y`, `turns` the sum of `log(M_j M_i') log(G_j G_i')'` over pairs; `None` where the
 /// postures do not determine them.
-pub fn placed(predicted: &[Se3], measured: &[Se3], turns: &Matrix3<f64>) -> Option<(Se3, Se3)> {
-    let first = predicted.first()?;
+pub fn placed(pairs: &[Pair], turns: &Matrix3<f64>) -> Option<(Se3, Se3)> {
+    let (first, _) = pairs.first()?;
     let svd = turns.try_svd(true, true, f64::EPSILON, ITERATIONS)?;
     let largest = svd.singular_values.imax();
     if svd.singular_values[largest].is_nan() || svd.singular_values[largest] <= 0.0 {
@@ -35,9 +35,9 @@ pub fn placed(predicted: &[Se3], measured: &[Se3], turns: &Matrix3<f64>) -> Opti
     let from = Rotation3::rotation_between(&a, &b)
         .map_or_else(|| 2.0 * across[0] * across[0].transpose() - Matrix3::identity(), Rotation3::into_inner);
     // Columns cos phi, sin phi, q, p_X; two rows a posture.
-    let rows = 2 * predicted.len();
+    let rows = 2 * pairs.len();
     let (mut all, mut right) = (DMatrix::zeros(rows, 6), DVector::zeros(rows));
-    for (k, (g, m)) in predicted.iter().zip(measured).enumerate() {
+    for (k, (g, m)) in pairs.iter().enumerate() {
         let (sin, cos) = so3::log(&(g.r * first.r.transpose())).dot(&a).sin_cos();
         let at = from * g.p;
         let (x, y) = (at.dot(&across[0]), at.dot(&across[1]));
@@ -54,11 +54,9 @@ pub fn placed(predicted: &[Se3], measured: &[Se3], turns: &Matrix3<f64>) -> Opti
     let turn = Rotation3::from_axis_angle(&b, sin.atan2(cos)).into_inner();
     let base = turn * from;
     let q = across[0] * offsets[0] + across[1] * offsets[1];
-    let along: f64 = predicted.iter().zip(measured).map(|(g, m)| (m.p - base * g.p).dot(&b)).sum();
-    let position = across[0] * offsets[2] + across[1] * offsets[3] + *b * (along / predicted.len() as f64);
-    let tool = nearest_rotation(
-        &predicted.iter().zip(measured).map(|(g, m)| g.r.transpose() * base.transpose() * m.r).sum(),
-    )?;
+    let along: f64 = pairs.iter().map(|(g, m)| (m.p - base * g.p).dot(&b)).sum();
+    let position = across[0] * offsets[2] + across[1] * offsets[3] + *b * (along / pairs.len() as f64);
+    let tool = so3::nearest(&tool_turns(pairs, &base))?.rotation;
     let tool_point = first.r.transpose() * from.transpose() * turn.transpose() * q;
     Some((Se3 { r: base, p: position }, Se3 { r: tool, p: tool_point }))
 }
@@ -98,7 +96,8 @@ mod tests {
             let log = |poses: &[Se3]| so3::log(&(poses[i].r * poses[i - 1].r.transpose()));
             turns += log(&measured) * log(&predicted).transpose();
         }
-        let (base, tool) = placed(&predicted, &measured, &turns).expect("three links move");
+        let pairs: Vec<(Se3, Se3)> = predicted.iter().copied().zip(measured.iter().copied()).collect();
+        let (base, tool) = placed(&pairs, &turns).expect("three links move");
         for (g, m) in predicted.iter().zip(&measured) {
             let there = base * *g * tool;
             assert!((there.p - m.p).norm() < 1e-12 && (there.r - m.r).norm() < 1e-12, "{there:?} {m:?}");
@@ -107,7 +106,7 @@ mod tests {
 
     #[test]
     fn postures_that_do_not_turn_place_nothing() {
-        let still = vec![Se3::identity(); 4];
-        assert!(placed(&still, &still, &Matrix3::zeros()).is_none());
+        let still = vec![(Se3::identity(), Se3::identity()); 4];
+        assert!(placed(&still, &Matrix3::zeros()).is_none());
     }
 }

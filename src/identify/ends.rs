@@ -3,7 +3,8 @@
 //! Rotations that are small, or all about one axis, leave combinations of base and tool that the data do not tell. A pull
 //! towards the tool as drawn settles these; it is far too weak to move what is told.
 
-use super::registration::FreeEnds;
+use super::registration::Stand;
+use super::untold::Part;
 use crate::calibration::Sample;
 use crate::lie::{Se3, so3};
 use crate::measure::{Evaluation, View};
@@ -16,6 +17,11 @@ const STEPS: usize = 60;
 /// Change of the tool, rad or machine sizes, that must change the median posture by more than what is left of its
 /// residual, for the data to tell it: what a link without tolerance is thought to be off by after registration.
 const TOLD: f64 = 0.1;
+/// Factor on that where the readings show the tool further away, and where it ends, rad and machine sizes.
+const FURTHER: f64 = 4.0;
+const FURTHEST: f64 = 1.0;
+/// Cost under the pull of the drawing, in that without it, from which the drawing spoils the fit.
+const SPOILED: f64 = 1.2;
 /// The same of the base, and of targets, of which no drawing knows anything.
 const TOLD_BASE: f64 = 1.0;
 /// Information, in terms of the least by which a direction is told, at which the closed form is beyond doubt.
@@ -24,17 +30,6 @@ const BEYOND_DOUBT: f64 = 30.0;
 const ITERATIONS: usize = 1000;
 /// Relative decrease of the cost at which a refinement ends.
 const GAINED: f64 = 1e-9;
-
-/// Where base and tool stand, and the values of the instrument's constants.
-#[derive(Clone, Debug)]
-pub(super) struct Stand {
-    /// In front of the machine as drawn.
-    pub base: Se3,
-    /// Behind it.
-    pub tool: Se3,
-    /// rad, m or 1.
-    pub instrument: Vec<f64>,
-}
 
 /// Step through so many readings that takes about `most` of them and, the targets of a posture following each other, each
 /// target in turn: no multiple of a few.
@@ -46,12 +41,15 @@ pub(super) fn stride(readings: usize, most: usize) -> usize {
 /// Predicted tool poses with what was measured there.
 pub(super) struct Refinement<'a> {
     seen: Vec<(Se3, &'a Sample)>,
-    free: FreeEnds,
+    /// What moves, three numbers a part.
+    parts: Vec<Part>,
     /// Constants of the instrument that are unknown.
     constants: Vec<usize>,
     length: f64,
     /// By how much residuals of angles and of lengths exceed the noise.
     scatter: [f64; 2],
+    /// How far the tool is thought to be from the drawing, rad and machine sizes.
+    tool_unit: f64,
 }
 
 /// Normal equations of one step: rad, machine sizes.
@@ -62,8 +60,8 @@ struct Normal {
 
 impl<'a> Refinement<'a> {
     /// Of predicted poses and their samples; `length` is the machine's size, m.
-    pub fn new(seen: Vec<(Se3, &'a Sample)>, free: FreeEnds, constants: Vec<usize>, length: f64) -> Self {
-        Self { seen, free, constants, length, scatter: [1.0; 2] }
+    pub fn new(seen: Vec<(Se3, &'a Sample)>, parts: Vec<Part>, constants: Vec<usize>, length: f64) -> Self {
+        Self { seen, parts, constants, length, scatter: [1.0; 2], tool_unit: TOLD }
     }
 
     /// The best of the starts, the first of which is the closed form, refined; and the directions that the data do not
@@ -97,14 +95,22 @@ impl<'a> Refinement<'a> {
             }
         }
         self.scatter = self.scatter_at(&best.1);
-        let mut pulled = self.settled(&best.1, true);
-        for start in starts {
-            let found = self.settled(start, true);
-            if found.0 < pulled.0 * (1.0 - 1e-6) {
-                pulled = found;
+        let least = self.cost(&best.1, false);
+        loop {
+            let mut pulled = self.settled(&best.1, true);
+            for start in starts {
+                let found = self.settled(start, true);
+                if found.0 < pulled.0 * (1.0 - 1e-6) {
+                    pulled = found;
+                }
             }
+            // Where the pull costs the fit, the tool is further from the drawing than was thought.
+            let spoiled = self.cost(&pulled.1, false) > SPOILED * least;
+            if !spoiled || self.tool_unit >= FURTHEST {
+                return pulled.1;
+            }
+            self.tool_unit *= FURTHER;
         }
-        pulled.1
     }
 
     /// Gauss-Newton along what is told, without any pull.
@@ -169,18 +175,19 @@ impl<'a> Refinement<'a> {
     }
 
     fn count(&self) -> usize {
-        6 * (usize::from(self.free.base) + usize::from(self.free.tool)) + self.constants.len()
+        3 * self.parts.len() + self.constants.len()
     }
 
-    /// Where the tool's numbers start.
-    fn tool_at(&self) -> usize {
-        6 * usize::from(self.free.base)
+    fn moves(&self, part: Part) -> bool {
+        self.parts.contains(&part)
     }
 
     /// Units in which a direction is told or not, rad and machine sizes.
     fn units(&self) -> DMatrix<f64> {
-        let tool = self.tool_at()..self.tool_at() + 6 * usize::from(self.free.tool);
-        let unit = |i: usize| if tool.contains(&i) { TOLD } else { TOLD_BASE };
+        let unit = |i: usize| match self.parts.get(i / 3) {
+            Some(Part::ToolTurn | Part::ToolOffset) => self.tool_unit,
+            _ => TOLD_BASE,
+        };
         DMatrix::from_diagonal(&DVector::from_fn(self.count(), |i, _| unit(i)))
     }
 
@@ -226,10 +233,14 @@ impl<'a> Refinement<'a> {
         [0, 1].map(|kind| f64::sqrt(correction * square[kind] / f64::max(count[kind], 1.0)).max(1.0))
     }
 
-    /// How far the tool is from the drawing, in standard deviations of the pull.
+    /// How far the tool is from the drawing, in standard deviations of the pull: zero of what does not move.
     fn pull(&self, at: &Stand) -> [Vector3<f64>; 2] {
-        let weight = (self.seen.len() as f64).sqrt() / TOLD;
+        let weight = self.pull_weight();
         [so3::log(&at.tool.r) * weight, at.tool.p * (weight / self.length)]
+    }
+
+    fn pull_weight(&self) -> f64 {
+        (self.seen.len() as f64).sqrt() / self.tool_unit
     }
 
     fn cost(&self, at: &Stand, pull: bool) -> f64 {
@@ -239,14 +250,17 @@ impl<'a> Refinement<'a> {
                 cost += (row.r / self.sigma(sample, k)).powi(2);
             }
         });
-        if pull && self.free.tool {
+        if pull {
             cost += self.pull(at).iter().map(Vector3::norm_squared).sum::<f64>();
         }
         if cost.is_finite() { cost } else { f64::INFINITY }
     }
 
-    /// About where the tool is on average the base turns.
+    /// About where the tool is on average the base turns; about where it is drawn, if its place stays.
     fn centre(&self, at: &Stand) -> Vector3<f64> {
+        if !self.moves(Part::BasePlace) {
+            return at.base.p;
+        }
         let places = self.seen.iter().map(|(g, _)| at.base.r * g.p + at.base.p);
         places.sum::<Vector3<f64>>() / self.seen.len().max(1) as f64
     }
@@ -266,14 +280,15 @@ impl<'a> Refinement<'a> {
                     by.iter().enumerate().for_each(|(i, by)| row[column + i] = by * unit * per_sigma);
                     column += 3;
                 };
-                if self.free.base {
-                    put(w + (tool.p - centre).cross(&v), 1.0);
-                    put(v, self.length);
+                for part in &self.parts {
+                    match part {
+                        Part::BaseTurn => put(w + (tool.p - centre).cross(&v), 1.0),
+                        Part::BasePlace => put(v, self.length),
+                        Part::ToolTurn => put(tool.r.tr_mul(&w), 1.0),
+                        Part::ToolOffset => put(tool.r.tr_mul(&v), self.length),
+                    }
                 }
-                if self.free.tool {
-                    put(tool.r.tr_mul(&w), 1.0);
-                    put(tool.r.tr_mul(&v), self.length);
-                }
+                let column = 3 * self.parts.len();
                 for (i, constant) in self.constants.iter().enumerate() {
                     let own =
                         evaluation.by_constant.iter().filter(|by| by.row == k && by.constant == *constant);
@@ -283,12 +298,17 @@ impl<'a> Refinement<'a> {
                 right.axpy(-seen.r * per_sigma, &row, 1.0);
             }
         });
-        if pull && self.free.tool {
-            let weight = (self.seen.len() as f64).sqrt() / TOLD;
+        if pull {
+            let weight = self.pull_weight();
             let [turn, shift] = self.pull(at);
             let by_turn = so3::left_jacobian_inverse(&-so3::log(&at.tool.r)) * weight;
-            for (k, (by, value)) in [(by_turn, turn), (at.tool.r * weight, shift)].into_iter().enumerate() {
-                let first = self.tool_at() + 3 * k;
+            for (k, part) in self.parts.iter().enumerate() {
+                let (by, value) = match part {
+                    Part::ToolTurn => (by_turn, turn),
+                    Part::ToolOffset => (at.tool.r * weight, shift),
+                    Part::BaseTurn | Part::BasePlace => continue,
+                };
+                let first = 3 * k;
                 let block = matrix.fixed_view::<3, 3>(first, first) + by.tr_mul(&by);
                 matrix.fixed_view_mut::<3, 3>(first, first).copy_from(&block);
                 let part = right.fixed_rows::<3>(first) - by.tr_mul(&value);
@@ -300,19 +320,15 @@ impl<'a> Refinement<'a> {
 
     fn moved(&self, at: &Stand, step: &DVector<f64>) -> Stand {
         let mut next = at.clone();
-        let mut column = 0;
-        let mut take = || {
-            column += 3;
-            Vector3::new(step[column - 3], step[column - 2], step[column - 1])
+        let by = |part: Part| {
+            let place = self.parts.iter().position(|own| *own == part);
+            place.map_or(Vector3::zeros(), |k| Vector3::new(step[3 * k], step[3 * k + 1], step[3 * k + 2]))
         };
-        if self.free.base {
-            let (turn, shift, centre) = (so3::exp(&take()), take() * self.length, self.centre(at));
-            next.base = Se3 { r: turn * at.base.r, p: turn * (at.base.p - centre) + centre + shift };
-        }
-        if self.free.tool {
-            let (turn, shift) = (take(), take() * self.length);
-            next.tool = at.tool * Se3 { r: so3::exp(&turn), p: shift };
-        }
+        let (turn, shift) = (so3::exp(&by(Part::BaseTurn)), by(Part::BasePlace) * self.length);
+        let centre = self.centre(at);
+        next.base = Se3 { r: turn * at.base.r, p: turn * (at.base.p - centre) + centre + shift };
+        let (turn, shift) = (so3::exp(&by(Part::ToolTurn)), by(Part::ToolOffset) * self.length);
+        next.tool = at.tool * Se3 { r: turn, p: shift };
         let first = self.count() - self.constants.len();
         for (i, constant) in self.constants.iter().enumerate() {
             next.instrument[*constant] += step[first + i] * self.length;

@@ -8,6 +8,7 @@ pub mod cross_validation;
 pub mod directions;
 mod ends;
 pub mod evidence;
+pub mod hand_eye;
 pub mod noise;
 pub mod outliers;
 pub mod placement;

@@ -1,15 +1,15 @@
 //! Where the machine was placed and its tool mounted: the one rigid motion that all first links have in common, or all last
 //! ones, with its standard error, and what each link deviates beside it.
 //!
-//! With `g_i0 = X N_i exp(r_i)` the motion `X` is the one beside which as few links as possible deviate: the sum of the
-//! lengths of the `r_i` in their standard errors is least, so that one wrong joint does not move the others. Likewise
-//! `g_if = N_i exp(r_i) Y`.
+//! With `g_i0 = X N_i exp(r_i)` the motion `X` is the one beside which the links deviate least in their tolerances, one far
+//! off counting less: one wrong joint does not move the others. Links without tolerances are weighed by their standard
+//! errors. Likewise `g_if = N_i exp(r_i) Y` (docs/theory.md (10.16)).
 
 use super::registration::FreeEnds;
 use super::run::Identification;
 use crate::lie::se3::{self, Twist};
 use crate::lie::{Se3, so3};
-use crate::model::{Limb, Link, Mechanism, Motion};
+use crate::model::{Limb, Link, Mechanism, Motion, Prior, Tolerance};
 use faer::Mat;
 use nalgebra::Matrix6;
 
@@ -25,6 +25,10 @@ const UNKNOWN: f64 = 1e-2;
 const TURNED: f64 = 1e-14;
 /// Standard error of what is no error at all, rad or machine sizes.
 const ARBITRARY: f64 = 1e3;
+/// Tolerance of what is held, rad and machine sizes: rounding.
+const HELD: f64 = 1e-9;
+/// Tolerance of what is free beside something that is stated, rad and machine sizes.
+const LOOSE: f64 = 1.0;
 
 /// A rigid motion of the whole machine at its base, or of the tool.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,6 +107,8 @@ struct One {
     link: usize,
     nominal: Se3,
     found: Se3,
+    /// What the link deviates by itself, in the tolerances that the data support.
+    tolerance: Tolerance,
     /// Errors of one standard deviation, a column each: body twists of the link.
     root: Option<Mat<f64>>,
     /// A twist that changes nothing but the zero of a passive joint.
@@ -155,20 +161,84 @@ impl One {
         (0..root.ncols()).map(|j| turn * Twist::from_fn(|i, _| root[(i, j)])).collect()
     }
 
-    /// Inverse of the covariance of the deviation.
+    /// Inverse of the covariance of the deviation: of what the link's tolerance makes it or, where that is free, of its
+    /// errors.
     fn weight(&self, errors: &[Twist], length: f64) -> Matrix6<f64> {
-        let least = if self.root.is_some() { FLOOR } else { UNKNOWN };
-        let mut covariance = Matrix6::from_diagonal(&Twist::from_fn(|i, _| {
-            f64::powi(if i < 3 { least } else { least * length }, 2)
-        }));
-        for error in errors {
-            covariance += error * error.transpose();
-        }
+        let mut covariance = match variances(self.tolerance, LOOSE, length) {
+            Some(own) => Matrix6::from_diagonal(&own),
+            None => {
+                let least = if self.root.is_some() { FLOOR } else { UNKNOWN };
+                let floor = Twist::from_fn(|i, _| f64::powi(if i < 3 { least } else { least * length }, 2));
+                let errors = errors.iter().map(|error| error * error.transpose());
+                Matrix6::from_diagonal(&floor) + errors.sum::<Matrix6<f64>>()
+            }
+        };
         if let Some(idle) = self.idle {
             covariance += idle * idle.transpose() * ARBITRARY.powi(2);
         }
         covariance.try_inverse().unwrap_or_else(Matrix6::identity)
     }
+}
+
+/// Variances of a motion with this tolerance, rad^2 and m^2, of what is free of it `loose` (rad and machine sizes); `None`
+/// where all of it is free.
+fn variances(tolerance: Tolerance, loose: f64, length: f64) -> Option<Twist> {
+    let size = |prior: Prior, unit: f64| match prior {
+        Prior::Sigma(sigma) => sigma.max(HELD * unit),
+        Prior::Held => HELD * unit,
+        Prior::Free => loose * unit,
+    };
+    let (angle, length) = (size(tolerance.angle, 1.0), size(tolerance.length, length));
+    let free = tolerance.angle == Prior::Free && tolerance.length == Prior::Free;
+    (!free).then(|| Twist::from_fn(|i, _| f64::powi(if i < 3 { angle } else { length }, 2)))
+}
+
+/// The motion on its way.
+struct Sought {
+    motion: Se3,
+    /// What of a link's error becomes one of the motion.
+    shares: Vec<Matrix6<f64>>,
+    /// Covariance of the motion, the links being known.
+    covariance: Matrix6<f64>,
+}
+
+/// The motion of the least sum over links, from `motion`; `power` of the distance of a link by which it counts less.
+fn sought(end: End, ones: &[One], stated: Option<Twist>, length: f64, power: i32, motion: Se3) -> Sought {
+    let mut at = Sought { motion, shares: Vec::new(), covariance: Matrix6::zeros() };
+    for _ in 0..ROUNDS {
+        let (mut matrix, mut right) = (Matrix6::zeros(), Twist::zeros());
+        at.shares.clear();
+        for one in ones {
+            let weight = one.weight(&one.errors(end, &at.motion), length);
+            let r = one.beside(end, &at.motion);
+            let far = (r.dot(&(weight * r)) / 6.0).sqrt().max(1.0).powi(power);
+            let by = one.by_motion(end, &at.motion);
+            let share = by.transpose() * weight / far;
+            matrix += share * by;
+            right += share * r;
+            at.shares.push(share);
+        }
+        if let Some(stated) = stated {
+            let weight = Matrix6::from_diagonal(&stated.map(f64::recip));
+            let by = Matrix6::from_fn(|i, j| {
+                displacement(end, &at.motion, &Twist::from_fn(|k, _| f64::from(u8::from(k == j))))[i]
+            });
+            matrix += by.transpose() * weight * by;
+            right -= by.transpose() * weight * se3::join(&so3::log(&at.motion.r), &at.motion.p);
+        }
+        let Some(inverse) = matrix.try_inverse() else { break };
+        let step = inverse * right;
+        at.motion = match end {
+            End::Base => at.motion * se3::exp(&step),
+            End::Tool => se3::exp(&step) * at.motion,
+        };
+        at.shares.iter_mut().for_each(|share| *share = inverse * *share);
+        at.covariance = inverse;
+        if step.fixed_rows::<3>(0).norm() + step.fixed_rows::<3>(3).norm() / length < SETTLED {
+            break;
+        }
+    }
+    at
 }
 
 fn common(
@@ -179,46 +249,35 @@ fn common(
     length: f64,
 ) -> Mount {
     let ones = ones(end, drawn, found, root);
-    let mut motion = match end {
-        End::Base => found.placed.0,
-        End::Tool => found.placed.1,
+    let (start, tolerance) = match end {
+        End::Base => (found.placed.0, found.supported.ends.placement),
+        End::Tool => (found.placed.1, found.supported.ends.tool_mounting),
     };
-    let mut shares = Vec::new();
-    for _ in 0..ROUNDS {
-        let (mut matrix, mut right) = (Matrix6::zeros(), Twist::zeros());
-        shares.clear();
-        for one in &ones {
-            let weight = one.weight(&one.errors(end, &motion), length);
-            let r = one.beside(end, &motion);
-            let far = (r.dot(&(weight * r)) / 6.0).sqrt().max(1.0);
-            let by = one.by_motion(end, &motion);
-            let share = by.transpose() * weight / far;
-            matrix += share * by;
-            right += share * r;
-            shares.push(share);
-        }
-        let Some(inverse) = matrix.try_inverse() else { break };
-        let step = inverse * right;
-        motion = match end {
-            End::Base => motion * se3::exp(&step),
-            End::Tool => se3::exp(&step) * motion,
-        };
-        shares.iter_mut().for_each(|share| *share = inverse * *share);
-        if step.fixed_rows::<3>(0).norm() + step.fixed_rows::<3>(3).norm() / length < SETTLED {
-            break;
-        }
+    let stated = tolerance.and_then(|tolerance| variances(tolerance, ARBITRARY, length));
+    let mut at = sought(end, &ones, stated, length, 1, start);
+    // Scatter within tolerances is part of what is not known of the motion; errors of free links are so already.
+    let by_tolerances = ones.iter().any(|one| variances(one.tolerance, LOOSE, length).is_some());
+    if by_tolerances {
+        at = sought(end, &ones, stated, length, 2, at.motion);
     }
+    let Sought { motion, shares, covariance } = at;
+    let scatter: Vec<Twist> = match covariance.cholesky().filter(|_| by_tolerances) {
+        Some(factor) => factor.l().column_iter().map(|column| column.into_owned()).collect(),
+        None => Vec::new(),
+    };
     let columns = root.map(Mat::ncols);
     let errors: Vec<Vec<Twist>> = ones.iter().map(|one| one.errors(end, &motion)).collect();
     let of_motion: Option<Vec<Twist>> = columns.map(|count| {
         let error = |j: usize| shares.iter().zip(&errors).map(|(share, of)| share * of[j]).sum();
-        (0..count).map(error).collect()
+        (0..count).map(error).chain(scatter.iter().copied()).collect()
     });
     let std = of_motion.as_ref().map(|errors| spread(errors.iter().map(|e| displacement(end, &motion, e))));
     let beside = ones.iter().zip(&errors).map(|(one, errors)| {
         let by = one.by_motion(end, &motion);
         let std = of_motion.as_ref().map(|of_motion| {
-            spread(errors.iter().zip(of_motion).map(|(own, common)| one.without_idle(&(own - by * common))))
+            // The scatter is no error of the link's.
+            let own = errors.iter().copied().chain(std::iter::repeat(Twist::zeros()));
+            spread(own.zip(of_motion).map(|(own, common)| one.without_idle(&(own - by * common))))
         });
         Beside { link: one.link, deviation: one.beside(end, &motion).into(), std }
     });
@@ -242,16 +301,20 @@ fn spread(errors: impl Iterator<Item = Twist>) -> [f64; 6] {
 fn ones(end: End, drawn: &Mechanism, found: &Identification, root: Option<&Mat<f64>>) -> Vec<One> {
     let mut ones = Vec::with_capacity(drawn.limbs.len());
     let mut first = 0;
-    for (limb, links) in drawn.limbs.iter().zip(&found.geometry.limbs) {
+    let supported = found.supported.limbs.iter().map(|limb| &limb.links);
+    for ((limb, links), supported) in drawn.limbs.iter().zip(&found.geometry.limbs).zip(supported) {
         let at = match end {
             End::Base => 0,
             End::Tool => links.len() - 1,
         };
-        if let (Some(Link { nominal, .. }), Some(found)) = (limb.links.get(at), links.get(at)) {
+        if let (Some(Link { nominal, .. }), Some(found), Some(link)) =
+            (limb.links.get(at), links.get(at), supported.get(at))
+        {
+            let tolerance = link.tolerance;
             let link = first + at;
             let rows = |root: &Mat<f64>| Mat::from_fn(6, root.ncols(), |i, j| root[(6 * link + i, j)]);
             let root = root.map(rows);
-            ones.push(One { link, nominal: *nominal, found: *found, root, idle: idle(end, limb) });
+            ones.push(One { link, nominal: *nominal, found: *found, tolerance, root, idle: idle(end, limb) });
         }
         first += links.len();
     }

@@ -1,31 +1,33 @@
 //! Base and tool frames, and constants of the instrument, that are known to nobody, before any link moves.
 //!
-//! `measured_k = X g_k Y` over predicted poses `g_k`. Rotation of X from relative rotations (Park & Martin, IEEE
-//! Trans. Robotics and Automation 10(5), 1994), then Y's rotation, then both translations by linear least
-//! squares; where all rotations share an axis, [`super::common_axis`]. Rotations that are small tell less than that: so the
-//! drawn tool and base are starts, too, and `super::ends` refines them and takes the best. With positions only see
+//! `measured_k = X g_k Y` over predicted poses `g_k`, in closed form by [`super::hand_eye`] or, where all rotations share an
+//! axis, [`super::common_axis`]. Rotations that are small tell less than that: so the drawn tool and base are starts, too,
+//! and `super::ends` refines them and takes the best. With positions only see
 //! `targets`; fixed points and planes are placed by `references`.
 
 use super::common_axis::placed;
-use super::ends::{Refinement, Stand};
+use super::ends::Refinement;
+use super::hand_eye::{self, Pair};
 use super::references::place_references;
 use super::targets::{free_targets, place_targets};
-use super::untold::Untold;
+use super::untold::{Part, Untold};
 use crate::calibration::{Sample, close_at};
 use crate::lie::{Se3, so3};
 use crate::measure::Clue;
 use crate::model::{Mechanism, Posture, Prior, Tolerance};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
-/// Most rounds of a factorisation.
-const ITERATIONS: usize = 1000;
+/// Sharpness at which an axis, and no more, determines a rotation.
+const SHARP: f64 = 1e-9;
+/// Pull towards the tool as drawn: what relative rotations smaller than this tell is rounding.
+const PULL: f64 = 1e-9;
 
 /// Which ends of the machine stand free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FreeEnds {
-    /// Nothing is known of the placement, or every limb's first link has no prior.
+    /// Nothing is known of the placement, or of part of it, or every limb's first link has no prior.
     pub base: bool,
-    /// Nothing is known of the tool's mounting, or every limb's last link has no prior.
+    /// Nothing is known of the tool's mounting, or of part of it, or every limb's last link has no prior.
     pub tool: bool,
 }
 
@@ -43,6 +45,51 @@ impl FreeEnds {
             tool: stated(mechanism.ends.tool_mounting)
                 || mechanism.limbs.iter().all(|limb| free(limb.links.last())),
         }
+    }
+
+    /// What of the free ends registration moves: of a placement or a mounting whose turn or displacement is stated that
+    /// part stays as drawn.
+    pub(super) fn parts(self, mechanism: &Mechanism) -> Vec<Part> {
+        let of = |free: bool, stated: Option<Tolerance>, [turn, shift]: [Part; 2]| {
+            let moves = |prior: Option<Prior>| prior.is_none_or(|prior| prior == Prior::Free);
+            // A tolerance of both parts is that of a motion beside links that are free.
+            let stated = stated.filter(|t| t.angle == Prior::Free || t.length == Prior::Free);
+            let part = |part: Part, prior: Option<Prior>| (free && moves(prior)).then_some(part);
+            [part(turn, stated.map(|t| t.angle)), part(shift, stated.map(|t| t.length))]
+        };
+        let ends = mechanism.ends;
+        let base = of(self.base, ends.placement, [Part::BaseTurn, Part::BasePlace]);
+        let tool = of(self.tool, ends.tool_mounting, [Part::ToolTurn, Part::ToolOffset]);
+        base.into_iter().chain(tool).flatten().collect()
+    }
+}
+
+/// Where base and tool stand, and the values of the instrument's constants.
+#[derive(Clone, Debug)]
+pub(super) struct Stand {
+    /// In front of the machine as drawn.
+    pub base: Se3,
+    /// Behind it.
+    pub tool: Se3,
+    /// rad, m or 1.
+    pub instrument: Vec<f64>,
+}
+
+impl Stand {
+    /// The same with everything but `parts` as drawn.
+    pub fn held(mut self, parts: &[Part]) -> Self {
+        for (end, turn, place) in [
+            (&mut self.base, Part::BaseTurn, Part::BasePlace),
+            (&mut self.tool, Part::ToolTurn, Part::ToolOffset),
+        ] {
+            if !parts.contains(&turn) {
+                end.r = Matrix3::identity();
+            }
+            if !parts.contains(&place) {
+                end.p = Vector3::zeros();
+            }
+        }
+        self
     }
 }
 
@@ -101,9 +148,11 @@ pub fn register(mechanism: &Mechanism, samples: &[Sample], free: FreeEnds) -> Op
     let stand = match starts.first() {
         Some(_) if ends => {
             let length = mechanism.characteristic_length();
-            let refinement = Refinement::new(seen, free, free_constants, length);
+            let parts = free.parts(mechanism);
+            let starts: Vec<Stand> = starts.into_iter().map(|start| start.held(&parts)).collect();
+            let refinement = Refinement::new(seen, parts.clone(), free_constants, length);
             let (stand, untold) = refinement.best(&starts)?;
-            found.untold = Untold::named(&untold, free);
+            found.untold = Untold::named(&untold, &parts);
             Some(stand)
         }
         first => first.cloned(),
@@ -126,23 +175,21 @@ pub fn register(mechanism: &Mechanism, samples: &[Sample], free: FreeEnds) -> Op
 /// Where base, tool and targets may stand, closed forms first; none where nothing refers to them, `None` where what
 /// refers to them does not determine them.
 fn starts(mechanism: &Mechanism, sightings: &[Sighting], free: FreeEnds) -> Option<Vec<Stand>> {
-    let (mut predicted, mut measured) = (Vec::new(), Vec::new());
-    for sighting in sightings {
-        if let Clue::Pose(pose) = sighting.clue {
-            predicted.push(sighting.tool);
-            measured.push(pose);
-        }
-    }
+    let pair = |s: &Sighting| match s.clue {
+        Clue::Pose(pose) => Some((s.tool, pose)),
+        _ => None,
+    };
+    let pairs: Vec<Pair> = sightings.iter().filter_map(pair).collect();
     let points = sightings.iter().any(|s| matches!(s.clue, Clue::Position { .. }));
     let ends = free.base || free.tool;
-    if ends && predicted.len() >= 3 {
+    if ends && pairs.len() >= 3 {
         let stand = |(base, tool): (Se3, Se3)| {
             let moved = |s: &Sighting| Sighting { tool: base * s.tool * tool, ..*s };
             let there: Vec<Sighting> = sightings.iter().map(moved).collect();
             let targets = place_targets(mechanism, &there, FreeEnds { base: false, tool: false })?;
             Some(Stand { base, tool, instrument: targets.instrument })
         };
-        return Some(from_poses(&predicted, &measured, free).into_iter().filter_map(stand).collect())
+        return Some(from_poses(&pairs, free).into_iter().filter_map(stand).collect())
             .filter(|starts: &Vec<Stand>| !starts.is_empty());
     }
     if points {
@@ -158,91 +205,41 @@ fn starts(mechanism: &Mechanism, sightings: &[Sighting], free: FreeEnds) -> Opti
 
 /// Base and tool by closed forms, the one that supposes least first: by relative rotations; the tool being as drawn, by
 /// positions alone and by rotations alone; as drawn.
-fn from_poses(predicted: &[Se3], measured: &[Se3], free: FreeEnds) -> Vec<(Se3, Se3)> {
+fn from_poses(pairs: &[Pair], free: FreeEnds) -> Vec<(Se3, Se3)> {
     let mut starts = Vec::new();
-    starts.extend(closed_form(predicted, measured, free));
+    starts.extend(closed_form(pairs, free));
     if free.base {
-        let count = predicted.len() as f64;
-        let mean = |of: &[Se3]| of.iter().map(|g| g.p).sum::<Vector3<f64>>() / count;
-        let (from, to) = (mean(predicted), mean(measured));
-        let pairs = || predicted.iter().zip(measured);
-        let by_positions = pairs().map(|(g, m)| (m.p - to) * (g.p - from).transpose()).sum();
-        let by_rotations = pairs().map(|(g, m)| m.r * g.r.transpose()).sum();
-        for sum in [by_positions, by_rotations] {
-            starts.extend(nearest_rotation(&sum).map(|r| (Se3 { r, p: to - r * from }, Se3::identity())));
+        let mean =
+            |of: fn(&Pair) -> Vector3<f64>| pairs.iter().map(of).sum::<Vector3<f64>>() / pairs.len() as f64;
+        let (from, to) = (mean(|(g, _)| g.p), mean(|(_, m)| m.p));
+        let by_positions = pairs.iter().map(|(g, m)| (m.p - to) * (g.p - from).transpose()).sum();
+        for sum in [by_positions, hand_eye::turns(pairs)] {
+            let near = so3::nearest(&sum).filter(|near| near.sharpness > SHARP);
+            let base = near.map(|near| Se3 { r: near.rotation, p: to - near.rotation * from });
+            starts.extend(base.map(|base| (base, Se3::identity())));
         }
     }
     starts.push((Se3::identity(), Se3::identity()));
     starts
 }
 
-fn closed_form(predicted: &[Se3], measured: &[Se3], free: FreeEnds) -> Option<(Se3, Se3)> {
+fn closed_form(pairs: &[Pair], free: FreeEnds) -> Option<(Se3, Se3)> {
+    let sharp = |sum: &Matrix3<f64>| so3::nearest(sum).filter(|near| near.sharpness > SHARP);
     let rotation_base = if free.base && free.tool {
-        // log(M_j M_i') = R_X log(G_j G_i'): pairs a third of the set apart differ by more than neighbours do.
-        let n = predicted.len();
-        let mut sum = Matrix3::zeros();
-        for stride in [1, (n / 3).max(1)] {
-            for i in 0..n {
-                let j = (i + stride) % n;
-                let from = so3::log(&(predicted[j].r * predicted[i].r.transpose()));
-                let to = so3::log(&(measured[j].r * measured[i].r.transpose()));
-                // A turn by almost pi has no sure sign.
-                if from.norm() < 2.8 && to.norm() < 2.8 {
-                    sum += to * from.transpose();
-                }
-            }
-        }
-        match nearest_rotation(&sum) {
-            Some(rotation) => rotation,
-            None => return placed(predicted, measured, &sum),
+        let sum = hand_eye::relative_turns(pairs);
+        match sharp(&sum) {
+            Some(near) => near.rotation,
+            None => return placed(pairs, &sum),
         }
     } else if free.base {
-        nearest_rotation(&predicted.iter().zip(measured).map(|(g, m)| m.r * g.r.transpose()).sum())?
+        sharp(&hand_eye::turns(pairs))?.rotation
     } else {
         Matrix3::identity()
     };
-    let rotation_tool = if free.tool {
-        nearest_rotation(
-            &predicted
-                .iter()
-                .zip(measured)
-                .map(|(g, m)| g.r.transpose() * rotation_base.transpose() * m.r)
-                .sum(),
-        )?
-    } else {
-        Matrix3::identity()
+    let rotation_tool = match free.tool {
+        true => sharp(&hand_eye::tool_turns(pairs, &rotation_base))?.rotation,
+        false => Matrix3::identity(),
     };
-    // p_m - R_X p_g = R_X R_g p_Y + p_X
-    let columns = 3 * (usize::from(free.base) + usize::from(free.tool));
-    let mut a = DMatrix::zeros(3 * predicted.len(), columns);
-    let mut b = DVector::zeros(3 * predicted.len());
-    for (k, (g, m)) in predicted.iter().zip(measured).enumerate() {
-        b.fixed_rows_mut::<3>(3 * k).copy_from(&(m.p - rotation_base * g.p));
-        if free.base {
-            a.fixed_view_mut::<3, 3>(3 * k, 0).copy_from(&Matrix3::identity());
-        }
-        if free.tool {
-            a.fixed_view_mut::<3, 3>(3 * k, columns - 3).copy_from(&(rotation_base * g.r));
-        }
-    }
-    let solution = a.try_svd(true, true, f64::EPSILON, ITERATIONS)?.solve(&b, 1e-9).ok()?;
-    let part = |at: usize| solution.fixed_rows::<3>(at).into_owned();
-    let base = Se3 { r: rotation_base, p: if free.base { part(0) } else { Vector3::zeros() } };
-    let tool = Se3 { r: rotation_tool, p: if free.tool { part(columns - 3) } else { Vector3::zeros() } };
-    Some((base, tool))
-}
-
-/// The rotation `R` that maximises `tr(R' sum)`; `None` where two singular values vanish and it is not unique.
-pub(super) fn nearest_rotation(sum: &Matrix3<f64>) -> Option<Matrix3<f64>> {
-    let svd = sum.try_svd(true, true, f64::EPSILON, ITERATIONS)?;
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let mut s = svd.singular_values;
-    s.as_mut_slice().sort_by(|a, b| b.total_cmp(a));
-    if s[1].is_nan() || s[1] <= 1e-9 * s[0] {
-        return None;
-    }
-    let mut flip = Matrix3::identity();
-    let smallest = svd.singular_values.argmin().0;
-    flip[(smallest, smallest)] = (u * v_t).determinant().signum();
-    Some(u * flip * v_t)
+    let (place, offset) = hand_eye::shifts(pairs, &rotation_base, (free.base, free.tool), PULL)?;
+    Some((Se3 { r: rotation_base, p: place }, Se3 { r: rotation_tool, p: offset }))
 }

@@ -4,8 +4,8 @@
 //! With `X`'s rotation given the rest is nearly linear. So Gauss-Newton starts from the 24 rotations that map a cube to
 //! itself, of which one lies within 63 degrees of any rotation, and the best end is taken.
 
-use super::ends::{Stand, stride};
-use super::registration::{FreeEnds, Sighting};
+use super::ends::stride;
+use super::registration::{FreeEnds, Sighting, Stand};
 use crate::lie::{Se3, se3, so3};
 use crate::measure::{Clue, Point};
 use crate::model::{Mechanism, Prior};

@@ -1,6 +1,5 @@
 //! What measurements do not tell of where base and tool stand, in words.
 
-use super::registration::FreeEnds;
 use nalgebra::{DMatrix, Vector3};
 
 /// Part of a direction that lies in what is named for it, at least.
@@ -32,20 +31,13 @@ pub struct Untold {
 }
 
 impl Untold {
-    /// By parts, of directions a column each: turn and shift of the base, then of the tool, as far as they are free.
-    pub(super) fn named(directions: &DMatrix<f64>, free: FreeEnds) -> Vec<Self> {
-        let mut parts = Vec::new();
+    /// By `parts`, of directions a column each, three rows a part.
+    pub(super) fn named(directions: &DMatrix<f64>, parts: &[Part]) -> Vec<Self> {
         if directions.ncols() == 0 {
             return Vec::new();
         }
-        if free.base {
-            parts.extend([Part::BaseTurn, Part::BasePlace]);
-        }
-        if free.tool {
-            parts.extend([Part::ToolTurn, Part::ToolOffset]);
-        }
         let mut found = Vec::new();
-        for (k, part) in parts.into_iter().enumerate() {
+        for (k, &part) in parts.iter().enumerate() {
             let block = directions.rows(3 * k, 3).into_owned();
             let Some(svd) = block.try_svd(true, false, f64::EPSILON, ITERATIONS) else { continue };
             let Some(u) = svd.u else { continue };

@@ -46,6 +46,34 @@ pub fn exp(w: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + wx * a1 + wx * wx * a2
 }
 
+/// Iterations of a decomposition of 3 x 3.
+const DECOMPOSED: usize = 100;
+
+/// A rotation, and how well the matrix to which it is nearest determines it.
+#[derive(Clone, Copy, Debug)]
+pub struct Nearest {
+    /// The rotation `R` that maximises `tr(R' sum)`; where two singular values vanish, one of those that do.
+    pub rotation: Matrix3<f64>,
+    /// Ratio of the second singular value of `sum` to the first: 0 where one axis, or none, determines the rotation.
+    pub sharpness: f64,
+}
+
+/// The rotation nearest to `sum` (Kabsch, Acta Crystallographica A 32, 1976); `None` where `sum` is not finite.
+pub fn nearest(sum: &Matrix3<f64>) -> Option<Nearest> {
+    if !sum.iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    let svd = sum.try_svd(true, true, f64::EPSILON, DECOMPOSED)?;
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let mut s: [f64; 3] = svd.singular_values.into();
+    s.sort_by(|a, b| b.total_cmp(a));
+    let mut flip = Matrix3::identity();
+    let smallest = svd.singular_values.argmin().0;
+    flip[(smallest, smallest)] = (u * v_t).determinant().signum();
+    let sharpness = if s[0] > 0.0 { s[1] / s[0] } else { 0.0 };
+    Some(Nearest { rotation: u * flip * v_t, sharpness })
+}
+
 /// Rotation vector of `r`, rad, of length at most pi.
 ///
 /// Goes through the quaternion by its largest component, so that neither 0 nor pi is special. NaN if `r`
