@@ -120,6 +120,25 @@ fn lengths_and_angles_are_told_apart() {
     assert!(name == "the angles" && (angles - 1.0).abs() < 0.15, "{noise:?}");
 }
 
+/// A gross pose drags a hexapod far off: what it does to deviations is not said of the tolerances.
+#[test]
+fn one_gross_pose_on_a_hexapod_is_the_cause() {
+    let folder = tempfile::tempdir().unwrap();
+    let drawn = folder.path().join("h.json");
+    let from = file("problems/hexapod-6ups.json");
+    support::done("simulate {0} --poses 40 --seed 3 -o {1}", &[&from, &drawn]);
+    for (part, component, off) in [("position", 0, 1e-3), ("rotation", 0, 0.3)] {
+        let mut value = support::json(&drawn);
+        let wrong = &mut value["data"]["samples"][7]["pose"][part][component];
+        *wrong = serde_json::json!(wrong.as_f64().unwrap() + off);
+        let ran = gough("identify {0}", &[&support::write(folder.path(), "w.json", &value)]);
+        assert_eq!(ran.status, 0, "{ran:?}");
+        assert!(ran.stderr.contains("1 posture stands out: sample 8 ("), "{ran:?}");
+        assert!(ran.stderr.contains("without it chi-square is 164"), "{ran:?}");
+        assert!(!ran.stderr.contains("tolerances off") && !ran.stderr.contains("write {"), "{ran:?}");
+    }
+}
+
 /// Measurements of other people, which are found through `GOUGH_SHARED`.
 #[test]
 fn a_probability_of_two_thousandths_is_doubtful() {

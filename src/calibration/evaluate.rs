@@ -15,7 +15,8 @@ pub struct PostureRows {
 
 impl PostureRows {
     /// Residuals, with their derivatives, of all `samples` of a posture that is closed: whitened by their noise and by
-    /// what the posture's samples have in common. Sample by sample where they have nothing in common.
+    /// what the posture's samples have in common. Sample by sample where they have nothing in common. An error where the
+    /// samples state different sizes of it.
     pub fn evaluate<'s>(
         &mut self,
         samples: impl Iterator<Item = &'s Sample>,
@@ -52,6 +53,13 @@ impl PostureRows {
                 common = sample.measurement.posture_noise();
                 &mut self.all
             } else {
+                // One error is of one size: were it not, nobody could say which rows it joins.
+                if sample.measurement.posture_noise() != common {
+                    return Err(EvalError(format!(
+                        "{}: what is common to the samples of its posture is stated otherwise for another of them",
+                        sample.name
+                    )));
+                }
                 self.one.clear();
                 &mut self.one
             };

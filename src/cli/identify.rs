@@ -9,7 +9,8 @@ use super::summary::{Summary, summary};
 use super::wording::{counted, not_identified, reason};
 use crate::calibration::{ByPosture, Sample};
 use crate::files::{DataPlaces, DataSet, Output, ProblemFile, json, read_problem};
-use crate::identify::posture_noise::{copies, sharing};
+use crate::identify::copies::copies;
+use crate::identify::posture_noise::sharing;
 use crate::identify::score::{score, set_aside};
 use crate::identify::{
     Fit, Folds, IdentifyError, Judged, Mounts, believed, cross_validate, identify, identify_sharing,

@@ -49,6 +49,16 @@ pub(super) fn warning(of: &Summary<'_>) -> Option<String> {
         return None;
     }
     let mut text = sentence(test);
+    // Postures that stand out drag the machine after them, and only then the deviations: mended, they may be as stated.
+    if of.judgement.is_spoiled() {
+        let (what, them) = match of.judgement.outliers.len() {
+            1 => ("the posture that stands out may have done that", "it"),
+            _ => ("the postures that stand out may have done that", "them"),
+        };
+        return Some(format!(
+            "{text}: {what}; correct or remove {them} before anything is believed of the tolerances"
+        ));
+    }
     let residual = of.judgement.birge_ratio().is_some() || !of.judgement.outliers.is_empty();
     if residual {
         text.push_str(", and the residual is not explained either: errors that the model does not have may be the cause");

@@ -103,7 +103,7 @@ impl Summary<'_> {
         }
         if self.copies > 0 {
             warnings.push(format!(
-                "{} repeat another of the same readings number by number: they are copies, which count as independent \
+                "{} repeat another of the same readings number by number, as it is or rounded: they are copies, which count as independent \
                  readings here and make standard errors too small; remove them",
                 counted(self.copies, "sample")
             ));
@@ -136,8 +136,9 @@ impl Summary<'_> {
         }
         // In tolerances that the deviations themselves do not contradict.
         let supported = found.tolerance_test.map_or(1.0, |test| test.in_force);
+        let misled = self.is_led_astray() || self.judgement.is_spoiled();
         if let Some((ratio, name)) =
-            self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF * supported && !self.is_led_astray())
+            self.farthest().filter(|(ratio, _)| *ratio > FAR_OFF * supported && !misled)
         {
             warnings.push(format!(
                 "{name} is {} tolerances off: if that cannot be, check units, home, directions of axes, actuator \

@@ -2,6 +2,7 @@
 
 pub mod analysis;
 pub mod common_axis;
+pub mod copies;
 pub mod counts;
 pub mod covariance;
 pub mod cross_validation;

@@ -1,5 +1,6 @@
 //! What the samples of a posture have in common, estimated from them (docs/theory.md (10.20)).
 
+use super::copies::copies;
 use super::noise::NoiseEstimate;
 use super::run::{Identification, IdentifyError};
 use crate::calibration::{ByPosture, Calibration, Sample};
@@ -15,7 +16,7 @@ pub const FALSE_ALARM: f64 = 0.005;
 /// Most postures that the estimate is made from; it costs a factorisation for each value tried.
 const MOST: usize = 400;
 /// Fewest samples beside the first of their postures.
-const FEWEST: usize = 6;
+pub(super) const FEWEST: usize = 6;
 /// Singular value above which the residual says nothing of a direction: the machine has taken it up.
 const TAKEN_UP: f64 = 0.3;
 /// Rounds of estimate and identification, and the relative change at which they agree.
@@ -41,20 +42,6 @@ pub struct PostureNoiseEstimate {
 pub fn sharing(samples: &[Sample], noise: PostureNoise) -> Vec<Sample> {
     let of = |s: &Sample| Sample { measurement: OfPosture::by(s.measurement.clone(), noise), ..s.clone() };
     samples.iter().map(of).collect()
-}
-
-/// How many samples repeat an earlier one of their posture number by number: no instrument reads the same twice, so that
-/// they are copies, which tell nothing of what the samples of a posture have in common.
-pub fn copies(samples: &[Sample]) -> usize {
-    let bits = |sample: &Sample| -> Vec<u64> {
-        sample.measurement.readings().iter().map(|value| value.to_bits()).collect()
-    };
-    let of_posture = |posture: &[usize]| {
-        let mut readings: Vec<Vec<u64>> = posture.iter().map(|i| bits(&samples[*i])).collect();
-        readings.sort_unstable();
-        readings.windows(2).filter(|pair| pair[0] == pair[1]).count()
-    };
-    ByPosture::of(samples).iter().filter(|posture| posture.len() > 1).map(of_posture).sum()
 }
 
 /// Whether there is anything to estimate it from: several samples in some postures, none of them copies, and no statement
@@ -112,7 +99,7 @@ pub fn estimate(found: &Identification, samples: &[Sample]) -> Option<PostureNoi
     let none = rows.deviance([0.0; 2])?;
     let single = |k: usize| {
         let at = |v: f64| rows.deviance(if k == 0 { [v, 0.0] } else { [0.0, v] });
-        let found = least(&at).filter(|_| rows.unit[k] > 0.0);
+        let found = least(&at, &GRID).filter(|_| rows.unit[k] > 0.0);
         found.map_or(([0.0; 2], none), |(value, deviance)| {
             (if k == 0 { [value, 0.0] } else { [0.0, value] }, deviance)
         })
@@ -134,7 +121,7 @@ pub fn estimate(found: &Identification, samples: &[Sample]) -> Option<PostureNoi
             point[k] = v;
             rows.deviance(point)
         };
-        if let Some((value, deviance)) = least(&at)
+        if let Some((value, deviance)) = least(&at, &GRID)
             && deviance < best.1
         {
             best.0[k] = value;
@@ -148,10 +135,10 @@ pub fn estimate(found: &Identification, samples: &[Sample]) -> Option<PostureNoi
 }
 
 /// Least of a function of one positive number: on a grid, then by golden sections of its logarithm.
-fn least(at: &dyn Fn(f64) -> Option<f64>) -> Option<(f64, f64)> {
-    let tried: Vec<f64> = GRID.iter().map(|v| at(*v)).collect::<Option<_>>()?;
-    let best = (0..GRID.len()).min_by(|a, b| tried[*a].total_cmp(&tried[*b]))?;
-    let (mut low, mut high) = (GRID[best.saturating_sub(1)].ln(), GRID[(best + 1).min(GRID.len() - 1)].ln());
+pub(super) fn least(at: &dyn Fn(f64) -> Option<f64>, grid: &[f64]) -> Option<(f64, f64)> {
+    let tried: Vec<f64> = grid.iter().map(|v| at(*v)).collect::<Option<_>>()?;
+    let best = (0..grid.len()).min_by(|a, b| tried[*a].total_cmp(&tried[*b]))?;
+    let (mut low, mut high) = (grid[best.saturating_sub(1)].ln(), grid[(best + 1).min(grid.len() - 1)].ln());
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let inner = |low: f64, high: f64| (high - GOLDEN * (high - low), low + GOLDEN * (high - low));
     let (mut a, mut b) = inner(low, high);
@@ -170,7 +157,7 @@ fn least(at: &dyn Fn(f64) -> Option<f64>) -> Option<(f64, f64)> {
         }
     }
     let refined = if of_a < of_b { (a.exp(), of_a) } else { (b.exp(), of_b) };
-    Some(if refined.1 < tried[best] { refined } else { (GRID[best], tried[best]) })
+    Some(if refined.1 < tried[best] { refined } else { (grid[best], tried[best]) })
 }
 
 /// Rows of one posture that answer to its common twist, turned so that no others do.
@@ -182,7 +169,7 @@ struct Common {
 }
 
 /// The residual as a model with two variances: `r = J x + B c + e`.
-struct Rows {
+pub(super) struct Rows {
     postures: Vec<Common>,
     /// What answers to no common twist, compressed: `[J r]`, and its part of the squares that no machine explains.
     rest: Mat<f64>,
@@ -191,11 +178,11 @@ struct Rows {
     count: usize,
     directions: usize,
     /// One unit of a common rotation (rad) and displacement (m): what one posture's readings tell of it.
-    unit: [f64; 2],
+    pub unit: [f64; 2],
 }
 
 impl Rows {
-    fn of(found: &Identification, samples: &[Sample]) -> Result<Option<Self>, EvalError> {
+    pub fn of(found: &Identification, samples: &[Sample]) -> Result<Option<Self>, EvalError> {
         let outlying: std::collections::HashSet<&str> =
             found.outliers.iter().flat_map(|o| &o.samples).map(String::as_str).collect();
         let taking: Vec<Sample> = found
@@ -295,7 +282,7 @@ impl Rows {
 
     /// Minus twice the restricted log likelihood, the size of the readings' own noise chosen best (Patterson & Thompson,
     /// Biometrika 58, 1971), up to a constant.
-    fn deviance(&self, size: [f64; 2]) -> Option<f64> {
+    pub fn deviance(&self, size: [f64; 2]) -> Option<f64> {
         let (left, log_det) = self.explained(size)?;
         let value = log_det + self.freedom() * left.ln();
         value.is_finite().then_some(value)

@@ -2,8 +2,9 @@
 
 use super::Cause;
 use super::groups::{self, GroupTest};
+use super::joints::{JointPattern, joint_patterns};
 use super::linear::{Grams, Linear, Residual, Solution};
-use super::model::{self, JointPattern};
+use super::model;
 use super::order;
 use super::postures::{named, outlying, to_blame};
 use crate::calibration::Sample;
@@ -52,7 +53,7 @@ impl Analysis {
             && let Some(finding) = &mut noise
         {
             // What a pattern leaves of errors that the model does not have is no noise.
-            finding.parts.retain(|part| part.factor < 1.0);
+            finding.keep_overstated();
         }
         let changed = noise.is_some() || !search.columns.is_empty();
         let mut causes = search.causes;
@@ -128,14 +129,15 @@ impl Search {
         equal: Option<Vec<f64>>,
         as_stated: &Solution,
     ) -> Option<Self> {
-        let mut patterns = model::joint_patterns(found, stated, samples)?;
+        let mut patterns = joint_patterns(found, stated, samples)?;
         let mut linear = stated.clone();
         let present = equal.is_none().then(|| Residual::of(stated, as_stated));
         if let Some(factors) = &equal {
             let mut rows = linear.rows();
             stated.normalise(factors, &mut rows);
             linear.set_rows(&rows);
-            patterns.iter_mut().for_each(|p| stated.normalise(factors, &mut p.pattern.columns));
+            let columns = patterns.iter_mut().flat_map(JointPattern::columns);
+            columns.for_each(|columns| stated.normalise(factors, columns));
         }
         let before = order::predecessors(stated);
         Some(Self {
@@ -189,8 +191,8 @@ impl Search {
                     let mut rows = self.linear.rows();
                     order::decorrelate(&self.linear, &self.before, finding.correlation, &mut rows);
                     let rho = finding.correlation;
-                    for pattern in &mut self.patterns {
-                        order::decorrelate(&self.linear, &self.before, rho, &mut pattern.pattern.columns);
+                    for columns in self.patterns.iter_mut().flat_map(JointPattern::columns) {
+                        order::decorrelate(&self.linear, &self.before, rho, columns);
                     }
                     self.linear.set_rows(&rows);
                     self.correlation = Some(rho);

@@ -4,12 +4,15 @@ use super::chi_square::{self, ChiSquareTest, Size};
 use super::groups::NoiseFinding;
 use super::model::ModelFinding;
 use super::order::{DriftFinding, OrderFinding};
+use super::posture_noise::PostureNoiseFinding;
 
 /// Why a residual is as it is.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cause {
     /// Noise of some readings is not what was stated.
     Noise(NoiseFinding),
+    /// What the samples of a posture have in common is not what was stated.
+    PostureNoise(PostureNoiseFinding),
     /// Few postures are wrong.
     Outliers(OutlierFinding),
     /// Readings that follow each other err alike.
@@ -66,6 +69,7 @@ impl Cause {
     pub fn gain(&self) -> f64 {
         match self {
             Cause::Noise(found) => found.gain,
+            Cause::PostureNoise(found) => found.gain,
             Cause::Outliers(found) => found.gain,
             Cause::Order(found) => found.gain,
             Cause::Drift(found, _) => found.gain,
@@ -77,6 +81,7 @@ impl Cause {
     pub fn kind(&self) -> &'static str {
         match self {
             Cause::Noise(_) => "noise",
+            Cause::PostureNoise(_) => "posture_noise",
             Cause::Outliers(_) => "outliers",
             Cause::Order(_) => "order",
             Cause::Drift(..) => "drift",
@@ -88,6 +93,7 @@ impl Cause {
     pub fn sentence(&self) -> String {
         match self {
             Cause::Noise(found) => found.sentence(),
+            Cause::PostureNoise(found) => found.sentence(),
             Cause::Outliers(found) => found.sentence(),
             Cause::Order(found) => found.sentence(),
             Cause::Drift(found, name) => found.sentence(name),

@@ -17,6 +17,8 @@ const STEPS: usize = 25;
 const FOUND: f64 = 1e-3;
 /// Least variance, in stated ones.
 const LEAST: f64 = 1e-12;
+/// Standard errors by which a factor must differ from what was stated where others are beside it.
+const SURE: f64 = 3.0;
 /// Gain of twice the log likelihood by which a group of fewer readings must beat one that is said in fewer words.
 const SIMPLER: f64 = 4.0;
 
@@ -70,6 +72,20 @@ impl NoiseFinding {
         self.others.is_none() && self.parts.len() == 1
     }
 
+    /// Keeps what is surely less than stated, with the likelihood that this gains by itself.
+    pub(super) fn keep_overstated(&mut self) {
+        let before = self.parts.len();
+        self.parts.retain(|part| part.factor + SURE * part.error < 1.0);
+        if self.parts.len() < before {
+            // A factor's standard error is `factor / sqrt(2 freedom)`.
+            let gain = |part: &NoisePart| {
+                let (freedom, variance) = (0.5 * (part.factor / part.error).powi(2), part.factor.powi(2));
+                0.5 * freedom * (variance - 1.0 - variance.ln())
+            };
+            self.gain = self.parts.iter().map(gain).sum();
+        }
+    }
+
     /// What was found, without a full stop.
     pub fn sentence(&self) -> String {
         let word = match () {
@@ -109,7 +125,7 @@ impl NoiseFinding {
 }
 
 /// Two digits.
-fn number(v: f64) -> String {
+pub(super) fn number(v: f64) -> String {
     if v < 1e-6 {
         return format!("{v:.1e}");
     }

@@ -7,10 +7,12 @@ mod cells;
 pub mod chi_square;
 mod groups;
 mod holdout;
+mod joints;
 mod linear;
 mod model;
 mod order;
 mod pattern;
+mod posture_noise;
 mod postures;
 mod readings;
 
@@ -21,9 +23,11 @@ pub use groups::{GroupTest, NoiseFinding, NoisePart};
 pub use holdout::HoldoutTest;
 pub use model::ModelFinding;
 pub use order::{DriftFinding, OrderFinding};
+pub use posture_noise::{PostureNoiseFinding, PostureNoisePart};
 pub use readings::RowCause;
 
 use super::outliers::Outlier;
+use super::posture_noise::sharing;
 use super::rounds::EXACT;
 use super::run::{Identification, identify_from};
 use crate::calibration::Sample;
@@ -57,6 +61,8 @@ pub struct Judgement {
     pub outliers: Vec<NamedOutlier>,
     /// Of the hold-out, where there is one.
     pub holdout: Option<HoldoutTest>,
+    /// What the samples of a posture have in common, where it is not what was stated.
+    pub common: Option<PostureNoiseFinding>,
 }
 
 /// What is judged: a finished identification and what it was made from.
@@ -101,7 +107,16 @@ pub fn judge(of: &Judged<'_>) -> Judgement {
     // Rounding has no cause.
     let exact = found.fit.1.is_some_and(|fit| fit.weighted_rms < EXACT);
     let linear = !converged || found.covariance.is_some();
-    let explained = !exact && linear && judgement.explain(of, &samples, &sets);
+    let common = if converged && !exact { PostureNoiseFinding::of(found, &samples) } else { None };
+    // What else there is shows beside what is common to postures as it is, not as it was stated.
+    let corrected = common.as_ref().map(|finding| sharing(&samples, finding.supported));
+    let judged = corrected.as_deref().unwrap_or(&samples);
+    judgement.common = common;
+    let explained = !exact && linear && judgement.explain(of, judged, &sets);
+    if let Some(common) = judgement.common.clone() {
+        judgement.causes.push(Cause::PostureNoise(common));
+        judgement.causes.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
+    }
     if converged && !explained {
         // By the estimate as it is, where linear theory does not say what the others would give.
         judgement.outliers =
@@ -164,7 +179,7 @@ impl Judgement {
 
     /// The identification without some samples; `None` where it does not converge.
     fn without(&self, of: &Judged<'_>, samples: &[Sample], removed: &[usize]) -> Option<Identification> {
-        if removed.is_empty() {
+        if removed.is_empty() && self.common.is_none() {
             return of.found.report.outcome.converged().then(|| of.found.clone());
         }
         let rest: Vec<Sample> =
@@ -227,6 +242,17 @@ impl Judgement {
     /// By how much the noise seems larger than stated, where the residual contradicts it.
     pub fn birge_ratio(&self) -> Option<f64> {
         self.total.and_then(|total| total.birge_ratio())
+    }
+
+    /// Whether postures that stand out are all that the residual is too large by: deviations, too, are then what they made
+    /// of them.
+    pub fn is_spoiled(&self) -> bool {
+        let is_large = |test: &ChiSquareTest| test.size() == Size::Large;
+        let alone = |cause: &Cause| match cause {
+            Cause::Outliers(found) => found.without.is_some_and(|without| !is_large(&without)),
+            _ => false,
+        };
+        self.total.as_ref().is_some_and(is_large) && self.causes.first().is_some_and(alone)
     }
 
     /// Whether nothing speaks against the stated noise and the model.

@@ -1,15 +1,12 @@
 //! Errors that the model does not have: such as follow a joint's reading, and such as neighbouring postures share
 //! (docs/theory.md (10.13)).
 
+use super::joints::JointPattern;
 use super::linear::{Linear, Residual};
 use super::order::resemblance;
-use super::pattern::{Fit, Pattern};
-use crate::calibration::{Calibration, Sample};
-use crate::identify::run::Identification;
-use crate::model::{Mechanism, Prior, Tolerance};
-use crate::problem::{Form, Problem};
-use faer::Mat;
-use std::f64::consts::PI;
+use super::pattern::Fit;
+use crate::calibration::Sample;
+use crate::model::Mechanism;
 
 /// Probability with which any joint is blamed where none is to blame.
 const FALSE_ALARM: f64 = 1e-3;
@@ -22,12 +19,16 @@ const FEW: usize = 12;
 const MANY: usize = 2000;
 /// Part of what a joint's errors explain that a scale must explain to be said.
 const SCALE: f64 = 0.8;
+/// Log likelihood by which one joint must be likelier than another to be told from it: 20 to 1.
+const EQUAL: f64 = 3.0;
 
 /// The machine does what the model does not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelFinding {
     /// The actuated joint whose reading the errors follow, where there is one.
     pub joint: Option<String>,
+    /// Others that the data do not tell from it.
+    pub or: Vec<String>,
     /// Scale of its reading that explains them, where one does.
     pub scale: Option<f64>,
     /// Correlation of neighbouring postures, where it was that what told.
@@ -40,7 +41,14 @@ impl ModelFinding {
     /// What was found, without a full stop.
     pub fn sentence(&self) -> String {
         let missing = "the machine has errors that the model does not have";
-        match (&self.joint, self.scale, self.correlation) {
+        let joint = self.joint.as_ref().map(|joint| match self.or.is_empty() {
+            true => joint.clone(),
+            false => format!(
+                "one of these joints, which the data do not tell apart: {joint}, {}",
+                self.or.join(", ")
+            ),
+        });
+        match (joint, self.scale, self.correlation) {
             (Some(joint), Some(scale), _) => {
                 format!(
                     "errors follow the reading of {joint} as if it moved {scale:.6} times as far as it reads: {missing}"
@@ -57,99 +65,40 @@ impl ModelFinding {
     }
 }
 
-/// Errors of the link before an actuated joint that vary with the joint's reading.
-pub(super) struct JointPattern {
-    /// `limb.joint`.
-    pub name: String,
-    /// All of them.
-    pub pattern: Pattern,
-    /// The column that a scale of the reading has, and how much scale one unit of it is.
-    pub scale: (usize, f64),
-}
-
-/// The patterns of all actuated joints, in rows turned as those of the model.
-pub(super) fn joint_patterns(
-    found: &Identification,
-    linear: &Linear,
-    samples: &[Sample],
-) -> Option<Vec<JointPattern>> {
-    // Every component of every link, those held included.
-    let one = Tolerance { angle: Prior::Sigma(1.0), length: Prior::Sigma(1.0) };
-    let mut open: Mechanism = found.supported.clone();
-    open.limbs.iter_mut().flat_map(|limb| &mut limb.links).for_each(|link| link.tolerance = one);
-    let at = found.geometry.deviations_from(&found.supported.nominal());
-    let closing: Vec<Sample> = linear.closing.iter().map(|&k| samples[k].clone()).collect();
-    let first = |k: usize| &samples[linear.members[k][0]];
-    let problem = Calibration::new(&open, &closing, Form::Complete, &at);
-    let mut jac = problem.linearize(&problem.coordinates().nearest(&at)).ok()?.jac;
-    (jac.nrows() == linear.r.len()).then_some(())?;
-    linear.turn(&mut jac);
-    let mut out = Vec::new();
-    let mut actuator = 0;
-    for (limb, coordinates) in open.limbs.iter().zip(&problem.coordinates().limbs) {
-        for (j, joint) in limb.joints.iter().enumerate().filter(|(_, joint)| joint.actuated) {
-            let own = actuator;
-            let reading = |k: usize| first(k).actuators.get(own).copied().unwrap_or(0.0);
-            let all = (0..linear.spans.len()).filter(|&k| linear.active[k]).map(reading);
-            let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-            actuator += 1;
-            if half <= 0.0 || !half.is_finite() {
-                continue;
-            }
-            let wide = joint.motion.is_angular() && half > 0.5 * PI;
-            let shape = |q: f64, which: usize| {
-                let part = (q - middle) / half;
-                match (which, wide) {
-                    (0, _) => part,
-                    (1, true) => q.cos(),
-                    (2, true) => q.sin(),
-                    (1, false) => part * part,
-                    _ => part * part * part,
-                }
-            };
-            let column = coordinates.offset + 6 * j;
-            let mut columns = Mat::zeros(linear.r.len(), 18);
-            for (k, span) in linear.spans.iter().enumerate() {
-                if first(k).measurement.second().is_some() {
-                    continue;
-                }
-                let shapes = [0, 1, 2].map(|which| shape(reading(k), which));
-                for i in span.clone() {
-                    for c in 0..18 {
-                        columns[(i, c)] = jac[(i, column + c % 6)] * shapes[c / 6];
-                    }
-                }
-            }
-            let along = if joint.motion.is_angular() { 2 } else { 5 };
-            out.push(JointPattern {
-                name: format!("{}.{}", limb.name, joint.name),
-                pattern: Pattern { columns },
-                scale: (along, 1.0 / half),
-            });
-        }
-    }
-    Some(out)
-}
-
-/// The joint whose reading errors follow beyond chance, which of the patterns it is, and how they fit.
+/// Joints whose reading the errors follow beyond chance, the likeliest said, and how it fits. Of each joint three patterns
+/// are tried: that its reading is badly scaled, that it moves otherwise than it reads, and that all of the link before it
+/// varies with its reading. Few columns find small errors, many find errors across the joint.
 pub(super) fn joint(
     linear: &Linear,
     residual: &Residual,
     patterns: &[JointPattern],
 ) -> Option<(ModelFinding, usize, Fit)> {
-    let fits = patterns.iter().enumerate().filter_map(|(k, p)| Some((k, p.pattern.fit(linear, residual)?)));
-    let level = FALSE_ALARM / patterns.len().max(1) as f64;
-    let (k, fit) =
-        fits.filter(|(_, fit)| fit.probability < level).max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))?;
-    let (column, unit) = patterns[k].scale;
-    let own = patterns[k].pattern.columns.col(column);
-    let alone = Pattern { columns: Mat::from_fn(own.nrows(), 1, |i, _| own[i]) }.fit(linear, residual);
-    let scale =
-        alone.filter(|alone| alone.gain > SCALE * fit.gain).map(|alone| 1.0 - alone.amounts[0] * unit);
+    let level = FALSE_ALARM / (3 * patterns.len().max(1)) as f64;
+    let likeliest = |pattern: &JointPattern| {
+        let alone = pattern.scale().fit(linear, residual);
+        let scaled = alone.as_ref().map(|alone| (alone.gain, 1.0 - alone.amounts[0] * pattern.unit));
+        let tried = [alone, pattern.own.fit(linear, residual), pattern.whole.fit(linear, residual)];
+        let beyond_chance = tried.into_iter().flatten().filter(|fit| fit.probability < level);
+        let fit = beyond_chance.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let scale = scaled.filter(|(gain, _)| *gain > SCALE * fit.gain).map(|(_, scale)| scale);
+        Some((fit, scale))
+    };
+    let mut found: Vec<_> = patterns
+        .iter()
+        .enumerate()
+        .filter_map(|(k, p)| likeliest(p).map(|(fit, scale)| (k, fit, scale)))
+        .collect();
+    found.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+    let most = found.first()?.1.gain;
+    let equal: Vec<String> = (found.iter().skip(1))
+        .filter(|(_, fit, _)| fit.gain > most - EQUAL)
+        .map(|(k, ..)| patterns[*k].name.clone())
+        .collect();
+    let (k, fit, scale) = found.swap_remove(0);
+    let scale = scale.filter(|_| equal.is_empty());
     let gain = fit.gain - (patterns.len() as f64).ln();
-    let finding = ModelFinding { joint: Some(patterns[k].name.clone()), scale, correlation: None, gain };
-    Some((finding, k, fit))
+    let joint = Some(patterns[k].name.clone());
+    Some((ModelFinding { joint, or: equal, scale, correlation: None, gain }, k, fit))
 }
 
 /// Whether residuals of postures that are neighbours resemble each other, such as follow each other in the file left out.
@@ -186,6 +135,7 @@ pub(super) fn neighbours(
     let (correlation, z) = resemblance(linear, residual, &pairs)?;
     (z > RESEMBLING && correlation > FAINT).then_some(ModelFinding {
         joint: None,
+        or: Vec::new(),
         scale: None,
         correlation: Some(correlation),
         gain: 0.5 * z * z,
