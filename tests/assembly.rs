@@ -4,7 +4,7 @@ mod support;
 
 use gough::calibration::Sample;
 use gough::files::{DataPlaces, ProblemFile, SampleDrawing, read_problem};
-use gough::identify::{Identification, identify, score};
+use gough::identify::{Identification, identify, measured_elsewhere, score};
 use gough::lie::{Se3, so3};
 use gough::measure::Pose;
 use gough::model::{Mechanism, NotClosed};
@@ -133,7 +133,11 @@ fn a_posture_beyond_a_singularity_is_named() {
     let mut samples = problem.data.samples.clone();
     samples[6] = with_pose(&samples[6], Vector3::zeros(), true, &noise);
     let found = identify(&problem.mechanism, &samples, &Minimal::default(), &Stop::default()).unwrap();
-    assert_eq!(found.other_mode, ["sample 7"]);
+    let elsewhere = measured_elsewhere(&found.start, &found.geometry, &found.taking);
+    assert_eq!(elsewhere.iter().map(|of| of.name.as_str()).collect::<Vec<_>>(), ["sample 7"]);
+    // The platform is 0.9 m above its base, and hung as far below.
+    let (_, apart) = elsewhere[0].apart.unwrap();
+    assert!((1.6..2.0).contains(&apart), "{apart}");
 }
 
 #[test]

@@ -188,3 +188,57 @@ fn a_posture_of_another_branch_is_named_and_left_out() {
     let page = gough("report {0} --problem {1}", &[&folder.path().join("r.json"), &problem]);
     assert_eq!(page.status, 0, "{}", page.stderr);
 }
+
+/// Names of samples as `check` and `identify` list them.
+fn names(numbers: &[usize]) -> String {
+    numbers.iter().map(|n| format!("sample {n}")).collect::<Vec<_>>().join(", ")
+}
+
+/// A dozen of 60 postures in other assembly modes, eight mirrored below the carriages and four with home's sign of `det Jr`:
+/// closed forms of the rods' lengths made them, no drawn joints.
+#[test]
+fn postures_of_other_modes_are_all_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (problem, result) = (case("modes-mixed.json"), folder.path().join("r.json"));
+    let named = names(&[3, 8, 13, 18, 23, 28, 33, 38, 43, 48]);
+    let ran = gough("identify {0} -o {1}", &[&problem, &result]);
+    assert_eq!(ran.status, 0, "{ran:?}");
+    let said = "12 of 60 postures were measured in another assembly mode than that of home";
+    assert!(
+        ran.stderr.contains(said) && ran.stderr.contains(&format!("{named} and 2 more")),
+        "{}",
+        ran.stderr
+    );
+    let stated = &json(&result)["measured_elsewhere"];
+    assert_eq!((&stated["samples"], &stated["of"]), (&Value::from(12), &Value::from(60)));
+    assert!(json(&result)["fit"]["after"]["weighted_rms"].as_f64().unwrap() < 1.1);
+    let ran = gough("check {0}", &[&problem]);
+    assert_eq!(ran.status, 1, "{ran:?}");
+    assert!(ran.stdout.contains("suspicious: 12 of 60 samples were measured in another"), "{}", ran.stdout);
+    assert!(ran.stdout.contains(&named) && !ran.stdout.contains("nothing suspicious"), "{}", ran.stdout);
+    // What predicts from this result says so.
+    let ran = gough("predict {0} --actuators {1}", &[&result, &problem]);
+    assert!(ran.status == 0 && ran.stderr.contains("12 of 60 samples were measured in another"), "{ran:?}");
+}
+
+/// All postures hang below the base that home stands above: 1.8 m from where the path from home leads.
+#[test]
+fn a_home_in_another_mode_than_all_postures_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let (problem, result) = (case("modes-all.json"), folder.path().join("r.json"));
+    let ran = gough("identify {0} -o {1}", &[&problem, &result]);
+    assert_eq!(ran.status, 0, "{ran:?}");
+    let (said, cure) = ("40 of 40 postures were measured in another", "draw the machine at home in the mode");
+    assert!(ran.stderr.contains(said) && ran.stderr.contains(cure), "{}", ran.stderr);
+    // The mirrored home: the platform 0.9 m below.
+    let stands = ran.stderr.split("there the tool stands at [").nth(1).unwrap();
+    let position: Vec<f64> =
+        stands.split(']').next().unwrap().split(", ").map(|v| v.parse().unwrap()).collect();
+    assert!(position[0].abs() < 0.005 && position[1].abs() < 0.005, "{position:?}");
+    assert!((position[2] + 0.9).abs() < 0.005, "{position:?}");
+    let ran = gough("check {0}", &[&problem]);
+    assert!(ran.status == 1 && ran.stdout.contains("40 of 40 samples were measured in another"), "{ran:?}");
+    // Nothing of the kind is said of postures of home's mode.
+    let ran = gough("check {0}", &[&file("problems/hexapod-6ups.json")]);
+    assert!(!ran.stdout.contains("assembly mode"), "{}", ran.stdout);
+}

@@ -7,7 +7,7 @@ mod support;
 use gough::calibration::{Calibration, Postures, Sample};
 use gough::files::{DataPlaces, read_problem};
 use gough::identify::verdict::HoldoutTest;
-use gough::identify::{Identification, identify, score};
+use gough::identify::{Identification, identify, score, undecided};
 use gough::lie::Se3;
 use gough::measure::Pose;
 use gough::model::mechanism::pose_difference;
@@ -117,6 +117,7 @@ fn ballscrew() -> (Mechanism, Matrix6<f64>) {
 /// `argmin-lm` finds too, errs by 2.8 times the noise.
 fn assert_ballscrew(seeds: std::ops::RangeInclusive<u64>) {
     let (mechanism, covariance) = ballscrew();
+    let mut failed = Vec::new();
     for factor in [1.0, 2.0] {
         let mechanism = widened(mechanism.clone(), factor);
         for noise in [0.0, 1.0] {
@@ -134,12 +135,21 @@ fn assert_ballscrew(seeds: std::ops::RangeInclusive<u64>) {
                     holdout,
                     test.map_or(f64::NAN, |test| test.ratio)
                 );
-                assert!(of.found.report.outcome.converged(), "{what}");
-                assert!(of.wrong.is_empty() && of.found.set_aside.is_empty(), "{what}: {:?}", of.wrong);
-                assert!(test.is_some_and(|test| !test.contradicts()), "{what}: {test:?}");
+                let as_measured = of.wrong.is_empty() && of.found.set_aside.is_empty();
+                let told = test.as_ref().is_some_and(|test| !test.contradicts());
+                if !(of.found.report.outcome.converged() && as_measured && told) {
+                    failed.push(format!("{what}: {:?}, {test:?}", of.wrong));
+                }
             }
         }
     }
+    assert!(failed.is_empty(), "{failed:#?}");
+}
+
+/// Seeds of a campaign: those that the environment asks for.
+fn asked(from: u64, to: u64) -> std::ops::Range<u64> {
+    let asked = |name, otherwise| std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(otherwise);
+    asked("GOUGH_FROM", from)..asked("GOUGH_TO", to)
 }
 
 #[test]
@@ -150,7 +160,8 @@ fn ball_screws_close_as_measured() {
 #[test]
 #[ignore = "campaign: 20 seeds of 300 postures, some minutes"]
 fn ball_screws_close_as_measured_at_length() {
-    assert_ballscrew(1..=20);
+    let range = asked(1, 20);
+    assert_ballscrew(range.start..=range.end);
 }
 
 /// Random postures within the ranges that the drawing and the true machine both reach, by the true one; `None` where next
@@ -214,10 +225,14 @@ fn assert_random(seeds: std::ops::Range<u64>) {
     for seed in seeds.clone() {
         for distance in [0.0, 1.0] {
             let (mechanism, truth, exact, noise) = random_closed_machine(seed, distance);
-            let of = outcome(&mechanism, &truth, &exact, &samples(&exact, &noise));
+            let measured = samples(&exact, &noise);
+            let of = outcome(&mechanism, &truth, &exact, &measured);
             let (found, iterations) = (&of.found, of.found.trace.len());
             let converged = found.report.outcome.converged();
-            let is_named = |name: &&String| found.outliers.iter().any(|o| o.name == **name);
+            let undecided = if of.wrong.is_empty() { Vec::new() } else { undecided(found, &measured) };
+            let is_named = |name: &&String| {
+                found.outliers.iter().any(|o| o.name == **name) || undecided.iter().any(|u| u.name == **name)
+            };
             total += found.taking.len();
             wrong += of.wrong.len();
             named += of.wrong.iter().filter(is_named).count();
@@ -234,7 +249,7 @@ fn assert_random(seeds: std::ops::Range<u64>) {
                 let reasons: Vec<String> =
                     found.set_aside.iter().map(|s| format!("{}: {}", s.name, s.reason)).collect();
                 eprintln!(
-                    "{seed}, distance {distance}: {} in {iterations}; wrong {} at start, {:?} at last; aside {reasons:?}; outliers {:?}",
+                    "{seed}, distance {distance}: {} in {iterations}; wrong {} at start, {:?} at last; aside {reasons:?}; outliers {:?}; undecided {undecided:?}",
                     found.report.outcome,
                     of.wrong_at_start,
                     of.wrong,
@@ -259,9 +274,7 @@ fn random_machines_close_as_measured() {
 #[test]
 #[ignore = "campaign: 500 machines, some minutes"]
 fn random_machines_close_as_measured_at_length() {
-    let from = std::env::var("GOUGH_FROM").ok().and_then(|n| n.parse().ok()).unwrap_or(0);
-    let to = std::env::var("GOUGH_TO").ok().and_then(|n| n.parse().ok()).unwrap_or(500);
-    assert_random(from..to);
+    assert_random(asked(0, 500));
 }
 
 #[test]

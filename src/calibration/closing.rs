@@ -5,11 +5,7 @@
 
 use super::evaluate::PostureRows;
 use super::postures::telling;
-use super::sample::{Postures, Sample, close_again, close_at};
-use crate::lie::Se3;
-use crate::model::inverse::{
-    close_along, close_as_solved, close_by_path, passive_at_pose, passive_turned_over,
-};
+use super::sample::{Postures, Sample, close_again};
 use crate::model::{Geometry, Mechanism, NotClosed, Turn};
 use rayon::prelude::*;
 
@@ -17,10 +13,6 @@ use rayon::prelude::*;
 pub(super) const STANDS_OUT: f64 = 25.0;
 /// The same, where residuals are rounding: 1e-6 of the noise.
 const NOTHING: f64 = 1e-12;
-/// Part of its mean square below which another posture explains a reading better than chance does.
-const BETTER: f64 = 0.1;
-/// Nearest samples from which paths are followed.
-const NEIGHBOURS: usize = 3;
 
 /// A closed posture, and the second one where two are compared.
 #[derive(Clone, Debug)]
@@ -53,13 +45,10 @@ pub(super) struct Closer<'a> {
     pub regularity: bool,
 }
 
-type Work = (Postures, PostureRows);
-
-/// Passive joints that bring each limb near a pose.
-type Inverse = fn(&Mechanism, &Geometry, &[f64], &[f64], &Se3) -> Vec<f64>;
+pub(super) type Work = (Postures, PostureRows);
 
 impl Closer<'_> {
-    fn work(&self) -> Work {
+    pub(super) fn work(&self) -> Work {
         (self.home.clone(), PostureRows::default())
     }
 
@@ -101,95 +90,6 @@ impl Closer<'_> {
         self.postures.par_iter().enumerate().map_init(|| self.work(), one).collect()
     }
 
-    /// The posture of a sample, other than that in which it is closed, that explains its reading far better or, where it
-    /// is not closed, with a mean square up to `limit`. Postures from which to look are those that do not exceed that.
-    pub fn elsewhere(
-        &self,
-        index: usize,
-        closed: &[Result<Closing, NotClosed>],
-        limit: f64,
-    ) -> Option<Closing> {
-        self.found_elsewhere(index, closed, limit, passive_at_pose)
-    }
-
-    /// The same, each limb's passive joints as the measured pose alone wants them: on branches that no path leads to.
-    pub fn turned_over(
-        &self,
-        index: usize,
-        closed: &[Result<Closing, NotClosed>],
-        limit: f64,
-    ) -> Option<Closing> {
-        self.found_elsewhere(index, closed, limit, passive_turned_over)
-    }
-
-    fn found_elsewhere(
-        &self,
-        index: usize,
-        closed: &[Result<Closing, NotClosed>],
-        limit: f64,
-        inverse: Inverse,
-    ) -> Option<Closing> {
-        let of = &self.postures[index];
-        let sample = telling(of.iter().copied())?;
-        let mut work = self.work();
-        let mut least = match &closed[index] {
-            Ok(closing) => BETTER * closing.square,
-            Err(_) => limit,
-        };
-        let mut best = None;
-        let mut judge = |work: &mut Work| {
-            let found = self.closing(of, work);
-            if found.square < least {
-                least = found.square;
-                best = Some(found);
-            }
-        };
-        let near = self.neighbours(index, closed, limit);
-        let mut passives = vec![vec![0.0; self.passive_count()]];
-        if close_by_path(self.mechanism, self.geometry, &sample.actuators, &mut work.0.first).is_ok() {
-            passives.push(work.0.first.passive(self.mechanism));
-            if self.close_second(sample, &mut work.0) {
-                judge(&mut work);
-            }
-        }
-        if let Ok(here) = &closed[index] {
-            work.0.first.set_turns(&here.turns);
-            passives.push(work.0.first.passive(self.mechanism));
-        }
-        for closing in near {
-            work.0.first.set_turns(&closing.turns);
-            passives.push(work.0.first.passive(self.mechanism));
-            let first = &mut work.0.first;
-            let along = |first| close_along(self.mechanism, self.geometry, first, &sample.actuators);
-            if first.close(self.mechanism, self.geometry).and_then(|()| along(first)).is_ok()
-                && self.close_second(sample, &mut work.0)
-            {
-                judge(&mut work);
-            }
-        }
-        if let Some(pose) = sample.measurement.pose() {
-            for passive in &passives {
-                let solved = inverse(self.mechanism, self.geometry, &sample.actuators, passive, pose);
-                let start = (sample.actuators.as_slice(), solved.as_slice());
-                if close_as_solved(self.mechanism, self.geometry, start, &mut work.0.first).is_ok()
-                    && self.close_second(sample, &mut work.0)
-                {
-                    judge(&mut work);
-                }
-            }
-        }
-        best
-    }
-
-    fn passive_count(&self) -> usize {
-        self.mechanism.limbs.iter().map(|limb| limb.passive_count()).sum()
-    }
-
-    fn close_second(&self, sample: &Sample, postures: &mut Postures) -> bool {
-        let Some(actuators) = sample.measurement.second() else { return true };
-        close_at(self.mechanism, self.geometry, actuators, None, &mut postures.second).is_ok()
-    }
-
     /// Whether the sample closes from where it was closed.
     fn again(&self, at: &Closing, sample: &Sample, (postures, _): &mut Work) -> bool {
         close_again(self.mechanism, self.geometry, &at.turns, &mut postures.first)
@@ -198,7 +98,7 @@ impl Closer<'_> {
     }
 
     /// What is kept of a closed posture.
-    fn closing(&self, of: &Together<'_>, (postures, rows): &mut Work) -> Closing {
+    pub(super) fn closing(&self, of: &Together<'_>, (postures, rows): &mut Work) -> Closing {
         let two = of.first().is_some_and(|sample| sample.measurement.second().is_some());
         let (mut square, mut regularity) = (0.0, 1.0);
         if !self.mechanism.is_open_chain() {
@@ -217,37 +117,6 @@ impl Closer<'_> {
             regularity,
             kept: false,
         }
-    }
-
-    /// The nearest samples, by actuator variables, whose readings do not stand out.
-    fn neighbours<'b>(
-        &'b self,
-        index: usize,
-        closed: &'b [Result<Closing, NotClosed>],
-        limit: f64,
-    ) -> Vec<&'b Closing>
-    where
-        Self: 'b,
-    {
-        let joints = self.mechanism.limbs.iter().flat_map(|limb| &limb.joints).filter(|joint| joint.actuated);
-        let sizes: Vec<f64> =
-            joints.map(|joint| joint.motion.size_of(1.0, self.home.first.length())).collect();
-        let readings =
-            |of: &'b Together<'_>| of.first().map_or(&[][..], |sample| sample.actuators.as_slice());
-        let here = readings(&self.postures[index]);
-        let apart = |there: &[f64]| -> f64 {
-            here.iter().zip(there).zip(&sizes).map(|((a, b), size)| ((a - b) * size).powi(2)).sum()
-        };
-        let mut near: Vec<(f64, &Closing)> = closed
-            .iter()
-            .zip(self.postures)
-            .enumerate()
-            .filter(|(i, _)| *i != index)
-            .filter_map(|(_, (outcome, of))| Some((apart(readings(of)), outcome.as_ref().ok()?)))
-            .filter(|(_, closing)| closing.square <= limit)
-            .collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        near.into_iter().take(NEIGHBOURS).map(|(_, closing)| closing).collect()
     }
 }
 

@@ -3,6 +3,7 @@
 mod approach;
 mod closing;
 pub mod coordinates;
+mod elsewhere;
 pub mod evaluate;
 pub mod limbwise;
 pub mod postures;
@@ -21,3 +22,4 @@ pub use evaluate::PostureRows;
 pub use postures::ByPosture;
 pub use problem::Calibration;
 pub use sample::{Postures, Sample, SetAside, close_at};
+pub use starts::OtherPosture;

@@ -5,7 +5,7 @@ use super::evaluate::PostureRows;
 use super::representative::with_derivative;
 use super::rows::RowWriter;
 use super::sample::{Postures, Sample, SetAside};
-use super::starts::{Start, Starts};
+use super::starts::{OtherPosture, Start, Starts};
 use crate::linalg::{RowBlock, RowStream};
 use crate::measure::Evaluation;
 use crate::model::{Geometry, Mechanism, NotClosed};
@@ -67,6 +67,25 @@ impl<'a> Calibration<'a> {
     pub fn reconsider(&mut self, samples: &'a [Sample], doubted: &[usize], at: &[f64]) -> bool {
         let geometry = self.mechanism.deviated(at);
         self.starts.reconsider((self.mechanism, &geometry, &self.home), samples, doubted)
+    }
+
+    /// Other postures in which each `wanted` one of those that take part closes with links that deviate by `at` (rad, m), of
+    /// `samples`, those that the problem was made of.
+    pub fn alternatives(&self, samples: &[Sample], at: &[f64], wanted: &[usize]) -> Vec<Vec<OtherPosture>> {
+        let geometry = self.mechanism.deviated(at);
+        self.starts.alternatives((self.mechanism, &geometry, &self.home), samples, wanted)
+    }
+
+    /// The same problem, one posture of those that take part to be closed elsewhere.
+    pub fn closed_in(&self, posture: usize, other: &OtherPosture) -> Self {
+        Self { starts: self.starts.closed_in(posture, other), ..self.clone() }
+    }
+
+    /// Whether a posture that takes part, with links that deviate by `at` (rad, m), stays near where it is closed, and
+    /// elsewhere than in the problem `before`.
+    pub fn is_apart(&self, posture: usize, at: &[f64], before: &Self) -> bool {
+        let geometry = self.mechanism.deviated(at);
+        self.starts.is_apart((self.mechanism, &geometry, &self.home), posture, &before.starts)
     }
 
     /// The samples, those that close to be closed from where they are closed here.

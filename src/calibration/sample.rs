@@ -175,7 +175,7 @@ pub fn close_at(
 }
 
 /// Distance (rad and machine sizes) to which links within their tolerances bring a measured pose from the drawn one.
-fn explained(mechanism: &Mechanism) -> f64 {
+pub fn explained(mechanism: &Mechanism) -> f64 {
     let length = mechanism.characteristic_length();
     let square = |prior: Prior, size: f64| match prior {
         Prior::Sigma(sigma) => 3.0 * (sigma / size).powi(2),

@@ -2,9 +2,10 @@
 
 use super::closing::{Closer, Closing, STANDS_OUT, typical};
 use super::postures::{ByPosture, by_posture};
-use super::sample::{Postures, Sample, SetAside};
+use super::sample::{Postures, Sample, SetAside, close_again};
 use crate::measure::ClosedAt;
 use crate::model::{Geometry, Mechanism, NotClosed, Turn};
+use rayon::prelude::*;
 use std::iter;
 use std::ops::Range;
 
@@ -32,6 +33,17 @@ impl<'a> Start<'a> {
     /// Number of residuals.
     pub fn rows(&self) -> usize {
         self.samples().map(|sample| sample.measurement.rows()).sum()
+    }
+}
+
+/// Another posture in which one closes.
+#[derive(Clone, Debug)]
+pub struct OtherPosture(Closing);
+
+impl OtherPosture {
+    /// Mean square of the whitened residuals there.
+    pub fn square(&self) -> f64 {
+        self.0.square
     }
 }
 
@@ -136,6 +148,47 @@ impl<'a> Starts<'a> {
             }
         }
         any
+    }
+
+    /// Other postures in which each `wanted` one of those that take part closes, as [`super::Calibration::alternatives`] says.
+    pub fn alternatives(
+        &self,
+        (mechanism, geometry, home): Machine<'_>,
+        samples: &[Sample],
+        wanted: &[usize],
+    ) -> Vec<Vec<OtherPosture>> {
+        let postures = by_posture(samples);
+        let closer = Closer { mechanism, geometry, home, postures: &postures, regularity: false };
+        let closed = closer.follow(&self.known(postures.len()));
+        let limit = STANDS_OUT * typical(&closed);
+        let drawn = mechanism.nominal();
+        let of = |wanted: &usize| {
+            let Some(start) = self.taking.get(*wanted) else { return Vec::new() };
+            let others = closer.all_elsewhere(start.index, &closed, limit, &drawn);
+            others.into_iter().map(OtherPosture).collect()
+        };
+        wanted.par_iter().map(of).collect()
+    }
+
+    /// The same, one that takes part to be closed elsewhere.
+    pub fn closed_in(&self, posture: usize, other: &OtherPosture) -> Self {
+        let mut elsewhere = self.clone();
+        elsewhere.taking.iter_mut().skip(posture).take(1).for_each(|start| start.closing = other.0.clone());
+        elsewhere
+    }
+
+    /// Whether a posture that takes part stays near where it is closed, and elsewhere than in `before`.
+    pub fn is_apart(&self, (mechanism, geometry, home): Machine<'_>, posture: usize, before: &Self) -> bool {
+        let closer = Closer { mechanism, geometry, home, postures: &[], regularity: false };
+        let closed = |starts: &Self| {
+            let start = starts.taking.get(posture)?;
+            let mut at = home.first.clone();
+            close_again(mechanism, geometry, &start.closing.turns, &mut at).then(|| at.turns().to_vec())
+        };
+        match (closed(self), closed(before)) {
+            (Some(here), Some(there)) => closer.are_apart(&here, &there),
+            (here, _) => here.is_some(),
+        }
     }
 
     /// Where each of `count` postures was closed last.

@@ -3,6 +3,7 @@
 use super::check_misfit::{misfit, others};
 use super::check_noise::stated_noise;
 use super::dispatch::Ending;
+use super::elsewhere::words;
 use super::error::CliError;
 use super::progress::with_spinner;
 use super::warnings::doubtful_size;
@@ -12,6 +13,7 @@ use crate::check::correction::actuated;
 use crate::check::{Reading, repeats};
 use crate::files::noise::assumed_noise;
 use crate::files::{DataPlaces, Output, ProblemFile, read_problem};
+use crate::identify::drawn_elsewhere;
 use crate::measure::{Clue, Point};
 use crate::model::mobility;
 use crate::model::mobility::near_singular_home;
@@ -60,7 +62,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
                 !data.is_empty() && (noise(&problem, &data, &mut text) | misfit(&problem, &data, &mut text));
             let others = others(&problem, &data, &mut text);
             // Mistakes of the drawing spoil what an identification would say.
-            poses | others || stated_noise(&problem, &mut text)
+            poses | others || modes(&problem, &mut text) | stated_noise(&problem, &mut text)
         });
     }
     if !suspicious {
@@ -113,6 +115,17 @@ fn home(problem: &ProblemFile, text: &mut String) -> bool {
         let _ = writeln!(text, "\nsuspicious: {doubt}");
     }
     doubt.is_some()
+}
+
+/// Whether postures were measured where the path from home does not lead.
+fn modes(problem: &ProblemFile, text: &mut String) -> bool {
+    let samples = &problem.data.samples;
+    let elsewhere = drawn_elsewhere(&problem.mechanism, samples);
+    if !elsewhere.is_empty() {
+        let words = words(&elsewhere, samples.len(), "sample", problem.units);
+        let _ = writeln!(text, "\nsuspicious: {words}");
+    }
+    !elsewhere.is_empty()
 }
 
 /// Whether the machine is of a size that nobody builds.

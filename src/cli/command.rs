@@ -2,6 +2,7 @@
 
 use super::details::digits;
 use super::dispatch::Ending;
+use super::elsewhere::warn_of_modes;
 use super::error::CliError;
 use super::progress::with_spinner;
 use super::ranges::warn_unless_converged;
@@ -47,6 +48,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     let followed = followed(&args.free)?;
     let model = read_model(&args.model)?;
     warn_unless_converged(&model);
+    warn_of_modes(&model.file, model.elsewhere);
     let (mechanism, geometry) = (&model.mechanism, model.mechanism.nominal());
     mobility::check(mechanism, &geometry)
         .map_err(|why| CliError::Mobility { file: model.file.clone(), why })?;

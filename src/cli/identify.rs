@@ -14,7 +14,7 @@ use crate::identify::posture_noise::sharing;
 use crate::identify::score::{score, set_aside};
 use crate::identify::{
     Fit, Folds, IdentifyError, Judged, Mounts, believed, cross_validate, identify, identify_sharing,
-    identify_without_noise, judge,
+    identify_without_noise, judge, measured_elsewhere, undecided,
 };
 use crate::measure::Clue;
 use crate::model::mobility;
@@ -163,6 +163,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         stop: &stop,
     });
     let report = Summary {
+        elsewhere: measured_elsewhere(&found.start, &found.geometry, &found.taking),
+        undecided: undecided(&found, &weighed),
         unused: (unused.iter())
             .map(|s| {
                 let weighed =

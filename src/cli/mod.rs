@@ -10,6 +10,7 @@ pub mod command;
 pub mod compare;
 mod details;
 pub mod dispatch;
+mod elsewhere;
 pub mod error;
 mod estimate;
 pub mod export;

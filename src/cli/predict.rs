@@ -1,6 +1,7 @@
 //! `gough predict`: forward kinematics.
 
 use super::dispatch::Ending;
+use super::elsewhere::warn_of_modes;
 use super::error::CliError;
 use super::progress::with_spinner;
 use super::ranges::{out_of_range, warn_unless_converged};
@@ -43,6 +44,7 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     output.check()?;
     let model = read_model(&args.model)?;
     warn_unless_converged(&model);
+    warn_of_modes(&model.file, model.elsewhere);
     let geometry = model.mechanism.nominal();
     mobility::check(&model.mechanism, &geometry)
         .map_err(|why| CliError::Mobility { file: model.file.clone(), why })?;

@@ -3,6 +3,7 @@
 use super::summary::Summary;
 use super::wording::reason;
 use crate::calibration::SetAside;
+use crate::files::elsewhere::ElsewhereEntry;
 use crate::files::noise::{NoiseDrawing, PostureNoiseDrawing, PostureNoiseEntry};
 use crate::files::place::Place;
 use crate::files::result::RESULT_FORMAT;
@@ -101,6 +102,8 @@ impl Summary<'_> {
                 PostureNoiseEntry { angle, length, probability: common.probability }
             }),
             warnings: self.warnings(),
+            measured_elsewhere: (!self.elsewhere.is_empty())
+                .then(|| ElsewhereEntry { samples: self.elsewhere.len(), of: found.taking.len() }),
             set_aside: entries(&found.set_aside, units),
             holdout_set_aside: entries(&self.holdout_set_aside, units),
             unused: self

@@ -5,7 +5,8 @@ use super::wording::counted;
 use crate::calibration::SetAside;
 use crate::files::ProblemFile;
 use crate::identify::{
-    CrossValidation, Fit, Identification, Judgement, Mounts, NoiseEstimate, PostureNoiseEstimate,
+    CrossValidation, Fit, Identification, Judgement, MeasuredElsewhere, Mounts, NoiseEstimate,
+    PostureNoiseEstimate, UndecidedPosture,
 };
 use crate::model::Prior;
 use crate::render;
@@ -35,6 +36,10 @@ pub struct Summary<'a> {
     pub noise: Option<NoiseEstimate>,
     /// What the tests of the residual say.
     pub judgement: Judgement,
+    /// Postures that predictions miss.
+    pub elsewhere: Vec<MeasuredElsewhere>,
+    /// Postures that were closed in one of two ways.
+    pub undecided: Vec<UndecidedPosture>,
     /// What the samples of a posture have in common, where it was estimated.
     pub common: Option<PostureNoiseEstimate>,
     /// Prediction of postures without them, where it was asked for.

@@ -1,10 +1,12 @@
 //! What deserves attention after an identification, in words.
 
 use super::details::{SHOWN, digits};
+use super::elsewhere::{cure, undecided_words, words};
 use super::summary::Summary;
 use super::wording::{counted, listed};
 use crate::files::{LengthUnit, ProblemFile};
 use crate::identify::UndecidedSide;
+use crate::identify::elsewhere::home_as_measured;
 use crate::identify::run::NearSingular;
 use crate::identify::untold::untold_words;
 use crate::model::Prior;
@@ -169,13 +171,15 @@ impl Summary<'_> {
                 names.join(", ")
             ));
         }
-        if !found.other_mode.is_empty() && !self.is_led_astray() {
-            warnings.push(format!(
-                "{} measured in another assembly mode than that of home, which predictions follow: {}",
-                counted(found.other_mode.len(), self.word()),
-                found.other_mode.join(", ")
-            ));
+        if !self.elsewhere.is_empty() && !self.is_led_astray() {
+            let (of, units) = (found.taking.len(), self.problem.units);
+            let mut text = words(&self.elsewhere, of, self.word(), units);
+            if self.elsewhere.len() == of {
+                text.push_str(&cure(home_as_measured(&found.start, &found.geometry, &found.taking), units));
+            }
+            warnings.push(text);
         }
+        warnings.extend(self.undecided.iter().map(undecided_words));
         warnings.extend(found.sides.undecided.iter().map(|side| self.undecided(side)));
         warnings.extend(self.problem.data.kind_notes().into_iter().map(str::to_owned));
         if let Some(counts) = found.counts()

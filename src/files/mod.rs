@@ -9,6 +9,7 @@ pub mod data;
 pub mod dataset;
 mod deviations;
 pub mod drawing;
+pub mod elsewhere;
 mod equivalent;
 pub mod error;
 pub mod fault;

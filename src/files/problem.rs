@@ -5,6 +5,7 @@ use super::columns::ColumnsDrawing;
 use super::data::{Context, DataDrawing};
 use super::dataset::{DataSet, Kind};
 use super::drawing::MechanismDrawing;
+use super::elsewhere::ElsewhereEntry;
 use super::error::{FileError, Location, quoted};
 use super::fault::Fault;
 use super::instrument::{Instrument, true_constants};
@@ -95,6 +96,8 @@ pub struct Model {
     pub constants: Option<BTreeMap<String, f64>>,
     /// Whether the identification that a result comes from converged; `true` for a problem.
     pub converged: bool,
+    /// What a result says of samples that predictions miss.
+    pub elsewhere: Option<ElsewhereEntry>,
 }
 
 /// Folders where a data file may be, other than that of the problem file.
@@ -197,7 +200,7 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
     let file = path.display().to_string();
     let at = Place::file(&file);
     let head = Head::read(&file, bytes)?;
-    let (mut converged, mut constants) = (true, None);
+    let (mut converged, mut constants, mut elsewhere) = (true, None, None);
     let (name, units, mechanism, columns, uncertainty) = match head.format() {
         Some(PROBLEM_FORMAT) => {
             let problem: ProblemDrawing = json::parse(&file, bytes)?;
@@ -207,6 +210,7 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
         Some(RESULT_FORMAT) => {
             let result: ResultFile = json::parse(&file, bytes)?;
             converged = result.converged;
+            elsewhere = result.measured_elsewhere;
             let values = result.instrument.into_iter().map(|constant| (constant.name, constant.value));
             constants = Some(values.collect());
             (result.problem, result.units, result.mechanism, None, result.uncertainty)
@@ -226,7 +230,17 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
     let links = mechanism.component_count() / 6;
     let at_uncertainty = at.key("uncertainty");
     let uncertainty = uncertainty.map(|u| u.read(links, units, &at_uncertainty)).transpose()?;
-    Ok(Model { name, units, mechanism, columns, uncertainty, constants, converged, file: file.clone() })
+    Ok(Model {
+        name,
+        units,
+        mechanism,
+        columns,
+        uncertainty,
+        constants,
+        converged,
+        elsewhere,
+        file: file.clone(),
+    })
 }
 
 impl Model {

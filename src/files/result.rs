@@ -1,6 +1,7 @@
 //! Result files `gough-result/1`, in units of the problem.
 
 use super::drawing::MechanismDrawing;
+use super::elsewhere::ElsewhereEntry;
 use super::error::{FileError, quoted};
 use super::fault::Fault;
 use super::json;
@@ -75,6 +76,9 @@ pub struct ResultFile {
     /// What deserves attention, in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+    /// Samples to which the path from home does not lead, where there are any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured_elsewhere: Option<ElsewhereEntry>,
     /// Samples that took no part.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set_aside: Vec<SetAsideEntry>,

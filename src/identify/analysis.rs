@@ -94,7 +94,7 @@ pub fn analyze(mechanism: &Mechanism, samples: &[Sample], at: &[f64]) -> Result<
     let (unseen, weak) = directions(mechanism, &expected, at, &seen)?;
     let problem = Calibration::new(mechanism, &expected, Form::Minimal, at);
     let x = problem.coordinates().nearest(at);
-    let (near_singular, _) = singularities(mechanism, &mechanism.deviated(at), &expected);
+    let near_singular = singularities(mechanism, &mechanism.deviated(at), &expected);
     let strong = seen.directions.get(.., ..seen.counts.practical);
     let by_many = strongest_change(&problem, &x, strong)?.into_iter().filter(|change| *change < 1.0).count();
     let postures = information(&problem, &x)?;

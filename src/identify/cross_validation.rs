@@ -198,4 +198,33 @@ impl<'a> Influence<'a> {
         let d = self.problem.coordinates().deviations(&x);
         d.iter().all(|v| v.is_finite()).then(|| self.found.supported.deviated(&d))
     }
+
+    /// Largest eigenvalue of a posture's block of the influence matrix.
+    pub(super) fn leverage(&self, posture: usize) -> Option<f64> {
+        let own = self.problem.only(posture..posture + 1).linearize(&self.x).ok()?;
+        let block = &own.jac * (&self.inverse * own.jac.transpose());
+        linalg::singular_values(block.as_ref())?.first().copied()
+    }
+
+    /// Loss of the merit (7.3) where posture `index` has the rows that it has in `other`, by the linear model, and the estimate
+    /// there: with `U` both blocks of rows, `r` their residuals and `D` -1 for those taken out and 1 for those put in,
+    /// `r' (D + U H^-1 U')^-1 r / 2` and `-H^-1 U' (D + U H^-1 U')^-1 r`.
+    pub(super) fn replaced(&self, index: usize, other: &Calibration<'_>) -> Option<(f64, Vec<f64>)> {
+        let out = self.problem.only(index..index + 1).linearize(&self.x).ok()?;
+        let into = other.only(index..index + 1).linearize(&self.x).ok()?;
+        let (k, n) = (out.r.len(), self.x.len());
+        let rows = k + into.r.len();
+        let mut stacked = Mat::zeros(rows, n);
+        stacked.as_mut().subrows_mut(0, k).copy_from(&out.jac);
+        stacked.as_mut().subrows_mut(k, rows - k).copy_from(&into.jac);
+        let r = Mat::from_fn(rows, 1, |i, _| if i < k { out.r[i] } else { into.r[i - k] });
+        let gain = &self.inverse * stacked.transpose();
+        let mut middle = &stacked * &gain;
+        (0..rows).for_each(|i| middle[(i, i)] += if i < k { -1.0 } else { 1.0 });
+        let e = middle.partial_piv_lu().solve(&r);
+        let step = &gain * &e;
+        let loss = 0.5 * r.col(0).iter().zip(e.col(0).iter()).map(|(r, e)| r * e).sum::<f64>();
+        let x: Vec<f64> = self.x.iter().zip(step.col(0).iter()).map(|(x, dx)| x - dx).collect();
+        (loss.is_finite() && x.iter().all(|v| v.is_finite())).then_some((loss, x))
+    }
 }

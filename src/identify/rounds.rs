@@ -12,6 +12,7 @@ use crate::calibration::{ByPosture, Calibration, Coordinates, Sample, SetAside};
 use crate::lie::Se3;
 use crate::model::Mechanism;
 use crate::problem::Form;
+use crate::solve::limbwise::Limbwise;
 use crate::solve::{Criterion, Estimate, Failure, Identifier, Iterate, Outcome, Report, Stop};
 use std::collections::HashSet;
 
@@ -46,7 +47,7 @@ impl Run<'_> {
     /// whose minimum is worth nothing: such a round ends early, so that iterations are left for all the samples.
     pub fn rounds(&mut self) -> Report {
         let mut x = self.problem.coordinates().nearest(&self.at);
-        let (mut round, mut settled) = (0, false);
+        let (mut round, mut settled, mut led_past) = (0, false, false);
         let mut report = loop {
             let part = !settled && round + 1 < ROUNDS && self.problem.sample_count() < self.samples.len();
             let left = self.stop.iterations.saturating_sub(self.trace.len());
@@ -60,6 +61,15 @@ impl Run<'_> {
             self.at = self.problem.coordinates().deviations(&x);
             // A posture that comes to a singularity on the way is where the identifier cannot pass: it waits.
             let blocked = matches!(report.outcome, Outcome::Failed(Failure::Evaluation(_)));
+            if blocked && !led_past {
+                led_past = true;
+                if self.limb_by_limb() {
+                    x = self.problem.coordinates().nearest(&self.at);
+                    self.trace.clear();
+                    settled = false;
+                    continue;
+                }
+            }
             let least = if blocked { NEAR_SINGULAR } else { 0.0 };
             let changed = self.problem.take_back(self.samples, &self.at, least);
             let exhausted = self.trace.len() >= self.stop.iterations;
@@ -76,6 +86,31 @@ impl Run<'_> {
             report.outcome = Outcome::Failed(Failure::Evaluation(why));
         }
         report
+    }
+
+    /// Leads past loops that open on the way: limbs that are brought to the measured poses one by one know of none. Goes to
+    /// the machine that they make where that explains the poses better than the one at which the way ended, and returns
+    /// whether it does.
+    fn limb_by_limb(&mut self) -> bool {
+        let drawn = vec![0.0; self.at.len()];
+        let samples = self.problem.closed(self.measured);
+        let limbs = Calibration::new(self.start, &samples, Form::Minimal, &drawn);
+        let report = Limbwise.identify(&limbs, &limbs.coordinates().nearest(&drawn), self.stop);
+        let at = limbs.coordinates().deviations(&report.x);
+        if !at.iter().all(|v| v.is_finite()) {
+            return false;
+        }
+        let error = |at: &[f64]| {
+            let fit = score(self.start, &self.start.deviated(at), &samples)?;
+            (2 * fit.samples > samples.len()).then_some(fit.weighted_rms)
+        };
+        let Some(there) = error(&at) else { return false };
+        if error(&self.at).is_some_and(|here| here <= there) {
+            return false;
+        }
+        self.problem.take_back(self.samples, &at, 0.0);
+        self.at = at;
+        true
     }
 
     /// The identifier's report from `x`, of at most `left` iterations. Where the samples are exact there, residuals are
@@ -159,7 +194,7 @@ impl Run<'_> {
         let minimal = Coordinates::new(start, Form::Minimal);
         let variances =
             covariance.as_ref().map(|c| c.of_deviations(&c.of_links(&minimal, at), drawn, &geometry));
-        let (near_singular, other_mode) = singularities(start, &geometry, &taking);
+        let near_singular = singularities(start, &geometry, &taking);
         let mut found = Identification {
             fit: (score(start, &start.nominal(), &taking), score(start, &geometry, &taking)),
             nominal: visibility_at(&vec![0.0; at.len()]),
@@ -167,7 +202,6 @@ impl Run<'_> {
             rows: problem.rows(),
             sides: Sides::default(),
             near_singular,
-            other_mode,
             outliers: Vec::new(),
             set_aside: problem.set_aside().to_vec(),
             visibility: at_solution,

@@ -93,8 +93,6 @@ pub struct Identification {
     pub near_singular: Vec<NearSingular>,
     /// Samples that the result predicts far worse than the others, worst first.
     pub outliers: Vec<Outlier>,
-    /// Samples that were measured beyond a singularity, as seen from home.
-    pub other_mode: Vec<String>,
     /// Prediction of the training samples by the drawing (free ends registered) and by the result.
     pub fit: (Option<Fit>, Option<Fit>),
     /// Number of residuals.

@@ -1,4 +1,4 @@
-//! Postures near singularities, and beyond them.
+//! Postures near singularities.
 
 use crate::calibration::{Postures, Sample};
 use crate::model::{Geometry, Mechanism, Posture};
@@ -15,33 +15,28 @@ pub struct NearSingular {
     pub singular_values: [f64; 6],
 }
 
-/// Postures whose wrench matrix is close to losing rank, and those with another sign of its determinant than home.
+/// Postures whose wrench matrix is close to losing rank.
 pub(super) fn singularities(
     mechanism: &Mechanism,
     geometry: &Geometry,
     samples: &[Sample],
-) -> (Vec<NearSingular>, Vec<String>) {
+) -> Vec<NearSingular> {
     let mut postures = Postures::new(mechanism);
     if mechanism.is_open_chain() {
-        return Default::default();
+        return Vec::new();
     }
-    let home = postures.first.close(mechanism, geometry).ok().map(|()| postures.first.mode);
-    let (mut near, mut other_mode) = (Vec::new(), Vec::new());
+    let mut near = Vec::new();
     for sample in samples {
         if sample.close_all(mechanism, geometry, &mut postures).is_err() {
             continue;
         }
         let second = sample.measurement.second().map(|_| &postures.second);
-        let both = || [Some(&postures.first), second].into_iter().flatten();
-        let name = || sample.name.clone();
-        let values = both().map(Posture::wrench_singular_values);
+        let both = [Some(&postures.first), second].into_iter().flatten();
+        let values = both.map(Posture::wrench_singular_values);
         let worst = values.min_by(|a, b| (a[5] / a[0]).total_cmp(&(b[5] / b[0])));
         if let Some(singular_values) = worst.filter(|s| s[5] < NEAR_SINGULAR * s[0]) {
-            near.push(NearSingular { name: name(), singular_values });
-        }
-        if home.is_some_and(|mode| both().any(|posture| posture.mode != mode)) {
-            other_mode.push(name());
+            near.push(NearSingular { name: sample.name.clone(), singular_values });
         }
     }
-    (near, other_mode)
+    near
 }

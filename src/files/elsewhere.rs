@@ -1,0 +1,13 @@
+//! What a result says of postures that its machine closes elsewhere than along the path from home.
+
+use serde::{Deserialize, Serialize};
+
+/// How many there are, and how far predictions miss them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ElsewhereEntry {
+    /// Samples that the path from home does not lead to.
+    pub samples: usize,
+    /// Samples that took part.
+    pub of: usize,
+}
