@@ -15,7 +15,10 @@ use rayon::prelude::*;
 
 /// Distance of two poses (rad and machine sizes) that are one, to what closing the loops leaves.
 const SAME: f64 = 1e-7;
-/// Distance from the measured pose, in what the tolerances explain, of a posture that is another than the measured one.
+/// Distance from the measured pose, in what the tolerances explain of an ordinary posture, of one that may be the measured
+/// one: those of other modes are often nearer to singularities.
+const NEARLY: f64 = 3.0;
+/// The same of one that is another than the measured one.
 const ANOTHER: f64 = 10.0;
 
 /// A posture that was measured elsewhere than the path from home leads.
@@ -48,8 +51,8 @@ pub fn measured_elsewhere(
     samples.par_iter().map_init(room, one).collect::<Vec<_>>().into_iter().flatten().collect()
 }
 
-/// The same by the drawing, for whole poses: those that it puts, within its tolerances, where they were measured, while the
-/// path from home ends far from there.
+/// The same by the drawing, for whole poses: those that it puts about where they were measured, while the path from home
+/// ends far from there.
 pub fn drawn_elsewhere(drawn: &Mechanism, samples: &[Sample]) -> Vec<MeasuredElsewhere> {
     let Some(placed) = placed(drawn, samples).filter(|_| !drawn.is_open_chain()) else { return Vec::new() };
     let (mechanism, geometry) = (&placed.machine, placed.machine.nominal());
@@ -57,15 +60,13 @@ pub fn drawn_elsewhere(drawn: &Mechanism, samples: &[Sample]) -> Vec<MeasuredEls
     let problem = Calibration::new(mechanism, samples, Form::Minimal, &zeros);
     let (limit, length) = (explained(mechanism), mechanism.characteristic_length());
     let mut postures = Postures::new(mechanism);
-    let within = |sample: &Sample| {
+    let mut within = |sample: &Sample| {
         let Some(pose) = sample.measurement.pose() else { return false };
         let closes = sample.close_all(mechanism, &geometry, &mut postures).is_ok();
         let (w, v) = pose_difference(pose, &postures.first.tool());
-        closes && w.norm().hypot(v.norm() / length) <= limit
+        closes && w.norm().hypot(v.norm() / length) <= NEARLY * limit
     };
-    let closed: Vec<Sample> = problem.closed(samples);
-    let mut within = within;
-    let closed: Vec<Sample> = closed.into_iter().filter(|sample| within(sample)).collect();
+    let closed: Vec<Sample> = problem.closed(samples).into_iter().filter(|sample| within(sample)).collect();
     let mut elsewhere = measured_elsewhere(mechanism, &geometry, &closed);
     elsewhere.retain(|of| of.apart.is_none_or(|(w, v)| w.hypot(v / length) > ANOTHER * limit));
     elsewhere
