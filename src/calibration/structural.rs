@@ -1,10 +1,11 @@
 //! The structural count of a limb whose links are held in part (docs/theory.md section 4).
 //!
-//! Links that are held keep axes meeting, parallel or square in every machine that respects them, and that may hide
-//! directions beyond (17)-(21): where the axes of a ball joint meet, for one, a turn of the link before it about the
-//! ball's centre is a turn of the ball itself. So the count is a rank: that of `W Phi` over random joint variables of
-//! the limb, at a random machine which deviates wherever it may. A pose holds the limbs apart, (11), so that each limb
-//! counts by itself.
+//! Where links are held, axes meet, are parallel or square in every machine that respects what is held, and that may
+//! hide directions besides the redundancy (17)-(21). An example: where the axes of a ball joint meet, a turn of the
+//! link before it about the ball's centre is a turn of the ball itself. So the count is the rank of `W Phi`, stacked
+//! over random joint variables of the limb, at a random machine that deviates in every component that is not held.
+//! Nearly every such machine has the largest rank that there is. Given the pose, every limb has rows of its own (11):
+//! each limb counts by itself.
 
 use super::coordinates::{Coordinates, LimbCoordinates};
 use crate::lie::Se3;
@@ -15,13 +16,16 @@ use crate::problem::Form;
 use faer::Mat;
 use nalgebra::Vector3;
 
-/// Size of the random deviations, rad and machine sizes: far from every special geometry.
+/// Largest random deviation from the drawing in a count, rad and machine sizes: drawings have parallel and square
+/// axes, at which the rank is too low, and a machine so far from them is near no other such geometry but by chance.
 const APART: f64 = 0.4;
-/// The same where the machines near one geometry are asked for.
+/// The same for the null space about a given geometry: small, because that of this very geometry is wanted; large
+/// enough that what appears with deviations, in proportion to them, stands above rounding.
 const NEARBY: f64 = 1e-3;
-/// Range of the random joint variables, rad and machine sizes.
+/// Largest random joint variable, rad and machine sizes: about a quarter of a turn.
 const RANGE: f64 = 1.5;
-/// Part of the largest singular value below which one is rounding: at such a machine the others are above 1e-5.
+/// Part of the largest singular value up to which one counts as zero. Rounding leaves some 1e-15; tests/held_links.rs
+/// compares the counts with ranks of the whole Jacobian.
 const RANK: f64 = 1e-9;
 
 impl Coordinates {
@@ -79,10 +83,12 @@ fn structural_count(limb: &Limb, own: &LimbCoordinates, length: f64) -> usize {
     values.iter().filter(|value| **value > RANK * largest).count().min(own.slice.len())
 }
 
-/// Combinations of the limb's components that are not held (in tolerances; orthonormal columns) which no pose tells apart
-/// at these links nor at machines near them, `free - count` of them, where `count` is the structural count.
+/// Orthonormal basis of the combinations of the limb's components, in tolerances, that no pose shows at the given
+/// links nor at machines near them: free x (free - count), with `free` the number of components that are not held and
+/// `count` the structural count.
 ///
-/// The limit of the null space of deviated machines, to some thousandths.
+/// At the links themselves the null space may be larger (what appears only with deviations is in it, too). So it is
+/// taken at a machine that deviates by [`NEARBY`], and is that of the given links to about so much.
 fn structural_null(limb: &Limb, own: &LimbCoordinates, links: &[Se3], length: f64, count: usize) -> Mat<f64> {
     let mut rows = rows(limb, own, links, NEARBY, length);
     for (column, &component) in own.free.iter().enumerate() {
@@ -94,8 +100,9 @@ fn structural_null(limb: &Limb, own: &LimbCoordinates, links: &[Se3], length: f6
     }
 }
 
-/// `W Phi` by the components that are not held, over random joint variables at links that deviate by some `size` (rad and
-/// machine sizes) wherever they may.
+/// `W Phi` at random joint variables: a column for each component that is not held (per rad and m), rows of all
+/// postures one below the other, at least twice as many as columns. The links deviate from `links` by up to `size`
+/// (rad, machine sizes) in every component that is not held. The same for equal arguments.
 fn rows(limb: &Limb, own: &LimbCoordinates, links: &[Se3], size: f64, length: f64) -> Mat<f64> {
     let free = &own.free;
     let mut limb = limb.clone();
@@ -138,8 +145,11 @@ fn rows(limb: &Limb, own: &LimbCoordinates, links: &[Se3], size: f64, length: f6
     rows
 }
 
-/// Numbers between -1 and 1 without order, the same every time (a multiplicative congruential generator: Park & Miller,
-/// Comm. ACM 31, 1988).
+/// Numbers from -1 to 1, spread evenly, the same sequence every time: Lehmer's congruential generator with modulus
+/// 2^31 - 1 and multiplier 16807 (Park & Miller, Comm. ACM 31, 1988).
+///
+/// A constant is added before the multiplication, so that the state may begin at zero. That shifts the states by a
+/// constant (modulo the modulus) and leaves the period at 2^31 - 2.
 struct Numbers(u64);
 
 impl Numbers {

@@ -94,15 +94,18 @@ pub struct Claimed {
 pub struct Verified {
     /// Whether every check that could be made passed.
     pub success: bool,
-    /// Distance from a stationary point within the tolerance; `None` for a loss without a derivative.
+    /// Distance from a stationary point within the tolerance, or what may still be gained for a loss without a derivative;
+    /// `None` where neither can be evaluated, and then there is no success.
     pub stationary: Option<bool>,
     /// Cost no higher than that of the truth with its prior, or of the nominal machine without a truth; of constrained,
-    /// sparse and robust estimates what they minimise, no higher than at the truth.
+    /// sparse and robust estimates what they minimise, no higher than at the truth, cut at the limits where these
+    /// exclude it.
     pub cost: Option<bool>,
-    /// Predicted poses within the tolerance of the bound, or better than before without a truth. Where limits exclude the
-    /// truth the bound does not hold and has no say.
+    /// Predicted poses within the tolerance of the bound; better than before without a truth, and for the largest
+    /// residual, which is not efficient. Where limits exclude the truth the bound does not hold and has no say.
     pub prediction: Option<bool>,
-    /// Whether the stated noise explains the residual; asked where no truth is known.
+    /// Whether the stated noise explains the residual; asked where no truth is known, the result lies on no limit, and its
+    /// loss has a derivative.
     #[serde(default)]
     pub explained: Option<bool>,
     /// What failed, in words; empty where nothing did.
@@ -155,7 +158,7 @@ pub struct Consistency {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Residual {
-    /// `|r|^2` of the postures that take part.
+    /// `|r|^2` of the postures that take part; the largest number where one of them does not close.
     pub chi_square: f64,
     /// Its expectation (10.5); the number of rows where linear theory does not apply.
     pub freedom: f64,
@@ -188,6 +191,19 @@ pub struct Score {
     pub objective: Option<f64>,
     /// The same at the truth, at nominal without one; `None` where limits exclude that.
     pub objective_reference: Option<f64>,
+    /// Where limits exclude the truth (the nominal machine), the same where it is cut at them.
+    #[serde(default)]
+    pub objective_within: Option<f64>,
+    /// Part by which what is minimised may still fall within a tolerance (docs/theory.md (13.7)); of losses without a
+    /// derivative.
+    #[serde(default)]
+    pub gain: Option<f64>,
+    /// Whether the result lies on a limit.
+    #[serde(default)]
+    pub limited: bool,
+    /// Whether the result stands in another assembly mode at home than the drawing.
+    #[serde(default)]
+    pub other_mode: bool,
     /// Hold-out poses predicted by the nominal machine.
     pub before: Prediction,
     /// Hold-out poses predicted by the result.

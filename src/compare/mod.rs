@@ -6,6 +6,7 @@ pub mod dependencies;
 pub mod draw;
 pub mod execute;
 pub mod figures;
+mod gain;
 pub mod line;
 pub mod machine;
 pub mod objective;

@@ -1,5 +1,6 @@
 //! Constrained, sparse and robust estimates, held against what their identifiers say that they minimise.
 
+use super::gain::Corner;
 use crate::calibration::{Calibration, Sample};
 use crate::identify::Identification;
 use crate::linalg;
@@ -23,6 +24,8 @@ struct Seen {
     /// Rows that were measured together, and how many of the last rows are the prior's.
     blocks: Vec<Range<usize>>,
     prior: usize,
+    /// The rows of the prior by the representative; empty where there is none.
+    prior_rows: Mat<f64>,
     /// Limit of every coordinate.
     limits: Vec<(f64, f64)>,
     groups: Vec<Group>,
@@ -39,8 +42,14 @@ pub struct Judged {
     pub value: f64,
     /// The same at the machine that the result is compared with; `None` where limits exclude that.
     pub reference: Option<f64>,
+    /// Where limits exclude that machine, the value at the one that it becomes when it is brought within them.
+    pub within: Option<f64>,
     /// Distance from a stationary point (docs/theory.md (13.5)); `None` for a loss without a derivative.
     pub offset: Option<f64>,
+    /// For such a loss the part by which the value may still fall (13.7).
+    pub gain: Option<f64>,
+    /// Whether the result lies on a limit, so that noise alone need not explain its residual.
+    pub limited: bool,
 }
 
 /// Judges a result by its objective, against the links of `reference`; `None` where the identifier states no objective
@@ -52,14 +61,41 @@ pub fn judged(found: &Identification, samples: &[Sample], reference: &Geometry) 
     let loss = loss(objective.loss, objective.delta)?;
     let asked = loss.arranged(&here.blocks, here.r.len(), here.prior);
     let loss = asked.at_scale(&here.r);
-    let there = Seen::at(&found.start, reference, samples, objective, Some(here.form))?;
-    let possible = there.over <= TOUCHES;
-    let offset = loss.smooth().then(|| here.offset(objective, loss.as_ref())).flatten();
+    let at = |geometry: &Geometry| Seen::at(&found.start, geometry, samples, objective, Some(here.form));
+    let value = |seen: Seen| (seen.over <= TOUCHES).then(|| seen.value(objective, loss.as_ref()));
+    let there = at(reference);
+    let excluded = there.as_ref().is_some_and(|there| there.over > TOUCHES);
+    let nearest = || at(&brought_within(&found.start, reference, objective));
     Some(Judged {
         value: here.value(objective, loss.as_ref()),
-        reference: possible.then(|| there.value(objective, loss.as_ref())),
-        offset,
+        reference: there.and_then(value),
+        within: excluded.then(nearest).flatten().and_then(value),
+        offset: loss.smooth().then(|| here.offset(objective, loss.as_ref())).flatten(),
+        gain: (!loss.smooth()).then(|| here.gain(found, samples, objective, loss.as_ref())).flatten(),
+        limited: here.over >= -TOUCHES,
     })
+}
+
+/// The machine with every deviation cut at its limits, and shrunk to the length that cones allow.
+fn brought_within(start: &Mechanism, geometry: &Geometry, objective: &Objective) -> Geometry {
+    let none: [Sample; 0] = [];
+    let at = geometry.deviations_from(&start.nominal());
+    let complete = Calibration::new(start, &none, Form::Complete, &at);
+    let mut x = complete.coordinates().nearest(&at);
+    for (x, (low, high)) in x.iter_mut().zip(limits(&complete, objective)) {
+        *x = x.min(high).max(low);
+    }
+    for group in complete.groups() {
+        let shrink = (objective.cone / group.length(&x).max(f64::MIN_POSITIVE)).min(1.0);
+        group.members.iter().for_each(|&i| x[i] *= shrink);
+    }
+    start.deviated(&complete.coordinates().deviations(&x))
+}
+
+/// Limits of all complete coordinates.
+fn limits(complete: &Calibration<'_>, objective: &Objective) -> Vec<(f64, f64)> {
+    let limit = |bounds: (f64, f64)| (bounds.0.max(-objective.bounds), bounds.1.min(objective.bounds));
+    complete.params().iter().map(|param| limit(param.bounds)).collect()
 }
 
 /// Largest distance by which `x` oversteps a limit, negative where it keeps all.
@@ -86,8 +122,7 @@ impl Seen {
         let at = geometry.deviations_from(&start.nominal());
         let of = |form| Calibration::new(start, samples, form, &at);
         let complete = of(Form::Complete);
-        let limit = |bounds: (f64, f64)| (bounds.0.max(-objective.bounds), bounds.1.min(objective.bounds));
-        let limits: Vec<(f64, f64)> = complete.params().iter().map(|param| limit(param.bounds)).collect();
+        let limits = limits(&complete, objective);
         let over =
             overstepped(&complete.coordinates().nearest(&at), &limits, objective.cone, complete.groups());
         // Only where equivalent descriptions cost the same, and no limit tells them apart, the redundancy can be left
@@ -106,7 +141,7 @@ impl Seen {
         }
         let x = problem.coordinates().nearest(&at);
         let mut lin = problem.linearize(&x).ok()?;
-        let mut prior = 0;
+        let (mut prior, mut prior_rows) = (0, Mat::zeros(0, 0));
         if let Some(threshold) = objective.threshold {
             let of = problem.representative(&x).unwrap_or_else(|| itself(&x));
             let svd = linalg::svd(by_representative(lin.jac.as_ref(), &of).as_ref())?;
@@ -116,10 +151,11 @@ impl Seen {
             let rows = Mat::from_fn(weak.len(), of.z.len(), |i, j| root(weak[i]) * svd.v[(j, weak[i])]);
             prior = weak.len();
             lin.r.extend(linalg::mul(rows.as_ref(), &of.z));
-            lin.jac = faer::concat![[lin.jac], [rows * of.jac]];
+            lin.jac = faer::concat![[lin.jac], [&rows * of.jac]];
+            prior_rows = rows;
         }
         let blocks = problem.blocks();
-        Some(Self { x, r: lin.r, jac: lin.jac, blocks, prior, limits, groups, over, form })
+        Some(Self { x, r: lin.r, jac: lin.jac, blocks, prior, prior_rows, limits, groups, over, form })
     }
 
     fn value(&self, objective: &Objective, loss: &dyn Loss) -> f64 {
@@ -130,6 +166,28 @@ impl Seen {
             + 0.5 * objective.ridge * squares
             + objective.lasso * sizes
             + objective.group * lengths
+    }
+
+    /// (13.7), with the residual of the nonlinear problem.
+    fn gain(
+        &self,
+        found: &Identification,
+        samples: &[Sample],
+        objective: &Objective,
+        loss: &dyn Loss,
+    ) -> Option<f64> {
+        let at = found.geometry.deviations_from(&found.start.nominal());
+        let problem = Calibration::new(&found.start, samples, self.form, &at);
+        let residual = |x: &[f64]| {
+            let mut r = problem.residual(x).ok()?;
+            if self.prior > 0 {
+                let z = problem.representative(x).map_or_else(|| x.to_vec(), |of| of.z);
+                r.extend(linalg::mul(self.prior_rows.as_ref(), &z));
+            }
+            Some(r)
+        };
+        let Self { x, r, jac, limits, groups, .. } = self;
+        Corner { x, r, jac, limits, groups }.gain(objective, loss, residual)
     }
 
     /// (13.5): the Gauss-Newton step on the face of the limits and of the zeros that the point lies on, no longer than
@@ -159,9 +217,8 @@ impl Seen {
         let curvature = |k: usize| svd.s.get(k).map_or(0.0, |s| s * s) + objective.ridge;
         let decrement: f64 = along.iter().enumerate().map(|(k, g)| g * g / curvature(k).max(1.0)).sum();
         let known = (0..along.len()).filter(|&k| curvature(k) > 1.0).count().max(1) as f64;
-        let square: f64 = influence.iter().map(|v| v * v).sum();
-        let variance = square / (self.r.len() as f64 - known).max(1.0);
-        let offset = (decrement / known / variance.max(1.0)).sqrt();
+        // In units of the stated noise however large the residual is: what limits leave is no noise.
+        let offset = (decrement / known).sqrt();
         // Whatever oversteps a limit is no solution.
         let possible = self.over <= TOUCHES;
         offset.is_finite().then_some(if possible { offset } else { f64::MAX })

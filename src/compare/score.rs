@@ -12,13 +12,21 @@ use crate::identify::covariance::variance;
 use crate::identify::score::score;
 use crate::identify::{Fit, Identification};
 use crate::linalg;
+use crate::model::mechanism::pose_difference;
 use crate::model::{Geometry, Mechanism, Prior};
 use crate::problem::Form;
+use crate::simulate::close;
 use crate::solve::Estimate;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Probability of the residual's chi-square below which the stated noise does not explain it.
 const UNEXPLAINED: f64 = 1e-3;
+/// Part by which a loss without a derivative may still fall: twice what `conic-minimax` proves of a result.
+const GAIN: f64 = 2e-3;
+/// Ratio of the extreme singular values of the wrench matrix above which deviations do not move home far.
+const REGULAR: f64 = 0.01;
+/// Motion of home, rad or machine sizes, that is another assembly mode.
+const ELSEWHERE: f64 = 0.3;
 
 /// Cost `|r|^2 / 2` of the geometry over all samples; `None` where some do not close.
 pub fn cost(mechanism: &Mechanism, geometry: &Geometry, samples: &[Sample]) -> Option<f64> {
@@ -57,38 +65,65 @@ pub fn after(
         _ => None,
     };
     let error = bound.map(|bound| {
-        let found = representative(&found.start, &found.geometry);
+        // About the machine that the truth was brought to: registration may have placed free ends elsewhere.
+        let found = representative(&drawn.start, &found.geometry);
         found.iter().zip(&bound.truth).map(|(z, truth)| z - truth).collect::<Vec<f64>>()
     });
     let reference = drawn.truth.clone().unwrap_or_else(|| found.start.nominal());
     let judged = match found.report.estimate {
-        Estimate::Other => judged(found, &drawn.samples, &reference),
+        Estimate::Other if found.set_aside.is_empty() => judged(found, &drawn.samples, &reference),
+        Estimate::Other => judged(found, &found.taking, &reference),
         _ => None,
     };
+    let limited = judged.is_some_and(|judged| judged.limited);
+    let gain = judged.and_then(|judged| judged.gain);
+    let explainable = drawn.truth.is_none() && drawn.noise_stated && !limited && gain.is_none();
     Score {
         set_aside: found.set_aside.len(),
         cost: cost(&found.start, &found.geometry, &drawn.samples),
         offset: relative_offset(found, &drawn.samples, form).or(judged.and_then(|judged| judged.offset)),
         objective: judged.map(|judged| judged.value),
         objective_reference: judged.and_then(|judged| judged.reference),
+        objective_within: judged.and_then(|judged| judged.within),
+        gain,
+        limited,
+        other_mode: other_mode(found),
         after,
         ratio,
-        residual: if drawn.truth.is_none() && drawn.noise_stated { residual(found) } else { None },
+        residual: if explainable { residual(found) } else { None },
         parameters: bound.zip(error.as_ref()).and_then(|(bound, error)| parameters(bound, error)),
         consistency: error.as_ref().and_then(|error| consistency(found, error)),
         ..before.clone()
     }
 }
 
-/// Residual of the postures that take part, against the noise.
+/// Residual of the postures that take part, against the noise: computed from the geometry.
 fn residual(found: &Identification) -> Option<Residual> {
-    let rows = found.rows as f64;
-    let (chi_square, freedom) = match found.chi_square() {
-        Some(found) => found,
-        None => (found.fit.1?.weighted_rms.powi(2) * rows, rows),
-    };
-    let probability = ChiSquared::new(freedom).ok()?.sf(chi_square);
-    Some(Residual { chi_square: finite(chi_square)?, freedom, probability: finite(probability)? })
+    let rows: usize = found.taking.iter().map(|sample| sample.measurement.rows()).sum();
+    let freedom = rows as f64 - found.covariance.as_ref().map_or(0.0, |covariance| covariance.absorbed);
+    let law = ChiSquared::new(freedom).ok()?;
+    match cost(&found.start, &found.geometry, &found.taking) {
+        Some(cost) => {
+            Some(Residual { chi_square: 2.0 * cost, freedom, probability: finite(law.sf(2.0 * cost))? })
+        }
+        None => Some(Residual { chi_square: f64::MAX, freedom, probability: 0.0 }),
+    }
+}
+
+/// Whether the result's machine stands elsewhere at home than the drawing, by far more than deviations move it. Measured
+/// postures close where they were measured, so that nothing else shows it. Near a singularity home moves far by itself, and
+/// nothing is said.
+fn other_mode(found: &Identification) -> bool {
+    let machine = &found.start;
+    let zero = vec![0.0; machine.actuator_count()];
+    let home = |geometry: &Geometry| close(machine, geometry, &zero).ok();
+    if machine.is_open_chain() {
+        return false;
+    }
+    let (Some(drawn), Some(here)) = (home(&machine.nominal()), home(&found.geometry)) else { return false };
+    let (turned, moved) = pose_difference(&drawn.tool(), &here.tool());
+    let moved = turned.norm().max(moved.norm() / machine.characteristic_length());
+    drawn.regularity() > REGULAR && moved > ELSEWHERE
 }
 
 fn finite(value: f64) -> Option<f64> {
@@ -121,11 +156,16 @@ fn parameters(bound: &Bound, error: &[f64]) -> Option<Parameters> {
     Some(Parameters { count: count as usize, rms: rms(square)?, bound: rms(least)? })
 }
 
-/// Error in units of the covariance that the result states, along all directions; none where ends are free: along what the
-/// data leave open there, truth and result may be so far apart that linear theory does not compare them.
+/// Error in units of the covariance that the result states, along all directions; none where a link, a motion that links
+/// share, or a constant of the instrument (a target, a point, a plane) is free: along what the data leave open there, truth
+/// and result may be so far apart that linear theory does not compare them.
 fn consistency(found: &Identification, error: &[f64]) -> Option<Consistency> {
-    let links = found.start.limbs.iter().flat_map(|limb| &limb.links);
-    if links.into_iter().any(|link| [link.tolerance.angle, link.tolerance.length].contains(&Prior::Free)) {
+    let machine = &found.start;
+    let links = machine.limbs.iter().flat_map(|limb| &limb.links).map(|link| link.tolerance);
+    let shared = [machine.ends.placement, machine.ends.tool_mounting].into_iter().flatten();
+    let tolerances = links.chain(shared).flat_map(|tolerance| [tolerance.angle, tolerance.length]);
+    let constants = machine.instrument.iter().map(|constant| constant.prior);
+    if tolerances.chain(constants).any(|prior| prior == Prior::Free) {
         return None;
     }
     let seen = found.visibility.as_ref()?;
@@ -149,12 +189,18 @@ pub fn verify(score: &Score, tolerance: &Tolerance) -> Verified {
         passes
     };
     let shown = |value: Option<f64>| value.map_or_else(|| "none".into(), |v| format!("{v:.3e}"));
-    let stationary = check(score.offset.map(|offset| offset <= tolerance.offset), &|| {
-        format!("relative offset {} above {:e}", shown(score.offset), tolerance.offset)
-    });
+    let stationary = match (score.offset, score.gain) {
+        (None, Some(gain)) => check(Some(gain <= GAIN), &|| {
+            format!("the largest residual may still fall by {gain:.1e} of it, above {GAIN:e}")
+        }),
+        _ => check(score.offset.map(|offset| offset <= tolerance.offset), &|| match score.offset {
+            Some(f64::MAX) => "a limit is overstepped".into(),
+            _ => format!("relative offset {} above {:e}", shown(score.offset), tolerance.offset),
+        }),
+    };
     // A minimiser is no worse than the truth, nor than where it came from.
     let (cost, least) = match (score.objective, score.cost_truth, score.prior_truth) {
-        (Some(value), ..) => (Some(value), score.objective_reference),
+        (Some(value), ..) => (Some(value), score.objective_reference.or(score.objective_within)),
         (None, Some(cost), Some(prior)) => (score.cost, Some(cost + prior)),
         _ => (score.cost, score.cost_nominal),
     };
@@ -163,24 +209,38 @@ pub fn verify(score: &Score, tolerance: &Tolerance) -> Verified {
     let predicted = score.after.poses > 0 && score.after.poses >= score.before.poses;
     // Limits that exclude the truth are kept at the cost of a prediction for which the bound does not hold.
     let excluded = score.truth && score.objective.is_some() && score.objective_reference.is_none();
+    let efficient = score.gain.is_none();
     let prediction = match (score.bound, score.before.in_noise) {
         _ if excluded => None,
-        (Some(_), _) => Some(predicted && score.ratio.is_some_and(|ratio| ratio <= tolerance.prediction)),
-        (None, Some(before)) => Some(predicted && score.after.in_noise.is_some_and(|after| after <= before)),
-        (None, None) => None,
+        (Some(_), _) if efficient => {
+            Some(predicted && score.ratio.is_some_and(|ratio| ratio <= tolerance.prediction))
+        }
+        (_, Some(before)) => Some(predicted && score.after.in_noise.is_some_and(|after| after <= before)),
+        (_, None) => None,
     };
     let prediction = check(prediction, &|| match (predicted, score.ratio) {
         (false, _) => format!("{} of the hold-out poses close", score.after.poses),
-        (true, Some(ratio)) => format!("hold-out error {ratio:.2} times the bound"),
-        (true, None) => format!("hold-out error {} in noise", shown(score.after.in_noise)),
+        (true, Some(ratio)) if efficient => format!("hold-out error {ratio:.2} times the bound"),
+        (true, _) => format!("hold-out error {} in noise", shown(score.after.in_noise)),
     });
     let explained = check(score.residual.map(|found| found.probability >= UNEXPLAINED), &|| {
         let found = score.residual.map_or((f64::NAN, f64::NAN), |found| (found.chi_square, found.freedom));
-        format!("chi-square {:.4} of {:.4}: the stated noise does not explain the residual", found.0, found.1)
+        match found.0 {
+            f64::MAX => "postures that took part do not close".into(),
+            _ => format!(
+                "chi-square {:.4} of {:.4}: the stated noise does not explain the residual",
+                found.0, found.1
+            ),
+        }
     });
-    let known = stationary.is_some() || cost.is_some() || prediction.is_some();
+    if score.other_mode {
+        reasons.push("at home it stands in another assembly mode than the drawing".into());
+    }
+    if stationary.is_none() {
+        reasons.push("whether it is a stationary point cannot be evaluated".into());
+    }
     Verified {
-        success: known && reasons.is_empty(),
+        success: reasons.is_empty(),
         stationary,
         cost,
         prediction,

@@ -95,6 +95,9 @@ fn syntax(bytes: &[u8], line: usize, column: usize, why: &str) -> String {
         None if why.starts_with("number out of range") => {
             format!("a number is too large (line {line} column {column}); are the units right?")
         }
+        None if why.starts_with("invalid unicode code point") => {
+            format!("it is not UTF-8 text (line {line} column {column}): JSON is UTF-8; save it so")
+        }
         None => why.to_owned(),
     }
 }

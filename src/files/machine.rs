@@ -81,7 +81,7 @@ impl MechanismDrawing {
         let mut without_tolerance = None;
         let mut limbs = Vec::with_capacity(self.limbs.len());
         for (i, drawing) in self.limbs.iter().enumerate() {
-            let name = drawing.name.clone().unwrap_or_else(|| format!("limb{}", i + 1));
+            let name = named(drawing.name.as_deref(), || format!("limb{}", i + 1));
             let entry = list.index(i);
             let here = entry.named(&name);
             check_name(&name, &mut names, &here)?;
@@ -136,7 +136,7 @@ impl LimbDrawing {
             without_tolerance,
         };
         for (j, drawing) in self.joints.iter().enumerate() {
-            let own = drawing.name.clone().unwrap_or_else(|| format!("j{}", j + 1));
+            let own = named(drawing.name.as_deref(), || format!("j{}", j + 1));
             let full = format!("{name}.{own}");
             let entry = list.index(j);
             let here = entry.named(&full);
@@ -186,6 +186,11 @@ impl Chain<'_> {
         });
         self.at = *to;
     }
+}
+
+/// The name that is stated, without blanks around it, which cells of tables do not keep; or the usual one.
+fn named(stated: Option<&str>, usual: impl FnOnce() -> String) -> String {
+    stated.map_or_else(usual, |name| name.trim().to_owned())
 }
 
 /// Refuses a name that is none, and one that is taken.

@@ -90,11 +90,27 @@ fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
 
 /// Names of the columns of the table that `bytes` of the file called `file` hold.
 pub fn header(file: &str, bytes: &[u8]) -> Result<StringRecord, FileError> {
-    checked_header(&mut reader(bytes), &Place::file(file))
+    checked_header(&mut reader(bytes), bytes, &Place::file(file))
 }
 
-fn checked_header(reader: &mut csv::Reader<&[u8]>, whole: &Place<'_>) -> Result<StringRecord, FileError> {
-    let header = reader.headers().map_err(|why| whole.error(Fault::Table(why.to_string())))?.clone();
+/// Why a table cannot be read, and where it is not text.
+fn unreadable(bytes: &[u8], why: &csv::Error) -> Fault {
+    match (why.kind(), std::str::from_utf8(bytes)) {
+        (csv::ErrorKind::Utf8 { .. }, Err(at)) => {
+            let before = bytes.get(..at.valid_up_to()).unwrap_or(bytes);
+            let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+            Fault::Table(format!("it is not UTF-8 text (line {line}); save it as UTF-8"))
+        }
+        _ => Fault::Table(why.to_string()),
+    }
+}
+
+fn checked_header(
+    reader: &mut csv::Reader<&[u8]>,
+    bytes: &[u8],
+    whole: &Place<'_>,
+) -> Result<StringRecord, FileError> {
+    let header = reader.headers().map_err(|why| whole.error(unreadable(bytes, &why)))?.clone();
     if let [only] = header.iter().collect::<Vec<_>>().as_slice()
         && let Some(separator) = [';', '\t', '|'].into_iter().find(|separator| only.contains(*separator))
     {
@@ -109,12 +125,12 @@ pub fn parse(file: &str, bytes: &[u8], request: &TableRequest<'_>) -> Result<Vec
     let whole = Place::file(file);
     let mut lines = Lines { bytes, byte: 0, line: 1 };
     let mut reader = reader(bytes);
-    let header = checked_header(&mut reader, &whole)?;
+    let header = checked_header(&mut reader, bytes, &whole)?;
     let layout = Layout::find(header.iter().collect(), request, &whole.line(1))?;
     let mut rows = Vec::new();
     let mut met: Vec<BTreeSet<String>> = vec![BTreeSet::new(); layout.filter.len()];
     let mut record = StringRecord::new();
-    while reader.read_record(&mut record).map_err(|why| whole.error(Fault::Table(why.to_string())))? {
+    while reader.read_record(&mut record).map_err(|why| whole.error(unreadable(bytes, &why)))? {
         let line = lines.of(record.position().map_or(0, csv::Position::byte));
         let row = Row { header: &header, record: &record, at: whole.line(line) };
         if record.len() != header.len() {

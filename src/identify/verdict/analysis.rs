@@ -85,7 +85,7 @@ impl Analysis {
         let mut named: Vec<usize> =
             self.outliers.iter().flat_map(|(group, _)| group.iter().copied()).collect();
         // What does not close stays out.
-        named.extend((0..samples.len()).filter(|k| !self.closing.contains(k)));
+        named.extend((0..samples.len()).filter(|k| self.closing.binary_search(k).is_err()));
         named.sort_unstable();
         named
     }

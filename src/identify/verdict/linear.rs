@@ -70,8 +70,9 @@ impl Linear {
         let seen = found.visibility.as_ref()?;
         let at = found.geometry.deviations_from(&found.supported.nominal());
         let whole = Calibration::new(&found.supported, samples, Form::Minimal, &at);
-        let open: Vec<usize> = whole.set_aside().iter().map(|s| s.sample).collect();
-        let closing: Vec<usize> = (0..samples.len()).filter(|k| !open.contains(k)).collect();
+        let mut closes = vec![true; samples.len()];
+        whole.set_aside().iter().for_each(|s| closes[s.sample] = false);
+        let closing: Vec<usize> = (0..samples.len()).filter(|&k| closes[k]).collect();
         let own: Vec<Sample> = closing.iter().map(|&k| samples[k].clone()).collect();
         let problem = Calibration::new(&found.supported, &own, Form::Minimal, &at);
         let x = problem.coordinates().nearest(&at);
