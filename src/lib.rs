@@ -15,10 +15,10 @@
 //! Given readings and measured tool poses `y_k` with their noise, find the deviations `d`:
 //!
 //! ```text
-//! minimise |r(u)|^2 + (what the tolerances know better than the data),    r_k = L^-1 (pose_k(u) - y_k),    d = S u
+//! minimise |r(u)|^2 + (what the tolerances know better than the data),    r_k = C^(-1/2) (pose_k(u) - y_k),    d = S u
 //! ```
 //!
-//! with `L L'` the noise covariance of a pose error, taken at the tool point, and `S` the tolerances. Many combinations
+//! with `C` the noise covariance of a pose error, taken at the tool point, and `S` the tolerances. Many combinations
 //! of `d` change no pose at all, and more of them have no first-order effect on machines with square and meeting axes;
 //! the crate knows the first kind in closed form, counts the second, and leaves both near nominal. `docs/theory.md` has
 //! the mathematics with numbered equations, `docs/conventions.md` frames and orders, `docs/design.md` the layers.

@@ -1,4 +1,5 @@
-//! What no estimate can do better than: the Cramer-Rao bound at the truth, with the tolerances as prior.
+//! What errors are held against: the Cramer-Rao bound at the truth, with the tolerances as prior. It is a reference
+//! and no bound at that truth (docs/theory.md (13.3)).
 
 use super::draw::Drawn;
 use super::line::Prediction;
@@ -26,10 +27,11 @@ pub struct Bound {
     pub holdout: Option<Prediction>,
 }
 
-/// The bound for what was drawn; `None` where the truth is not known or cannot be evaluated.
+/// `(J'J + I)^-1` in tolerances at the truth that was drawn, carried to the hold-out (docs/theory.md (13.3)); `None` where
+/// the truth is not known or cannot be evaluated.
 ///
-/// Van Trees's form of the bound: `cov >= (J'J + I)^-1` in tolerances, for truths drawn from the tolerances
-/// (docs/theory.md (13.3)).
+/// Van Trees's bound has the mean of `J'J` over truths in its place and bounds the mean error over truths. Where `J` hardly
+/// changes over the tolerances both are one number.
 pub fn bound(drawn: &Drawn) -> Option<Bound> {
     let mechanism = &drawn.start;
     let truth = representative(mechanism, drawn.truth.as_ref()?);

@@ -24,19 +24,19 @@ pub enum Criterion {
 
 /// A criterion at one information matrix `M`, and its derivative.
 ///
-/// It is `log det M`, or `-tr(L C)` with `C = M^-1` and a matrix `L` that the worst case chooses; either way concave.
+/// It is `log det M`, or `-tr(Q C)` with `C = M^-1` and a matrix `Q` that the worst case chooses; either way concave.
 #[derive(Clone, Debug)]
 pub struct View {
     /// A smooth value, to be as large as possible.
     pub value: f64,
-    /// The value that `slope` belongs to: `log det M`, or `-tr(L C)`. It differs from `value` where cases that hardly
-    /// count are left out of `L`.
+    /// The value that `slope` belongs to: `log det M`, or `-tr(Q C)`. It differs from `value` where cases that hardly
+    /// count are left out of `Q`.
     pub mixture: f64,
     /// `C = M^-1`.
     pub covariance: Mat<f64>,
-    /// `dvalue/dM`: `C`, or `C L C`.
+    /// `dvalue/dM`: `C`, or `C Q C`.
     pub slope: Mat<f64>,
-    /// Sum of the weights in `L`, so that `-mixture / mass` is a mixture of variances; 1 for D.
+    /// Sum of the weights in `Q`, so that `-mixture / mass` is a mixture of variances; 1 for D.
     pub mass: f64,
     /// Half of the factor that the curvature `-tr(dM C dM slope)` has.
     pub bend: f64,
@@ -161,11 +161,11 @@ impl Criterion {
 pub struct WorstCase {
     /// The bound.
     pub value: f64,
-    /// `tr(L C)`: the bound without the cases that hardly count.
+    /// `tr(Q C)`: the bound without the cases that hardly count.
     pub mixture: f64,
-    /// `L = root root'`, the derivative of `mixture` by `C`.
+    /// `Q = root root'`, the derivative of `mixture` by `C`.
     pub root: Mat<f64>,
-    /// Sum of the weights in `L`.
+    /// Sum of the weights in `Q`.
     pub mass: f64,
 }
 
@@ -183,7 +183,7 @@ fn counting(weights: &[f64]) -> Vec<usize> {
     (0..weights.len()).filter(|&i| weights[i] >= NEGLIGIBLE * largest).collect()
 }
 
-/// The p-mean `(sum v^p)^(1/p)`, at least the largest value, with its derivatives.
+/// The p-norm `(sum v^p)^(1/p)`, at least the largest value, with its derivatives.
 fn steep_mean(values: &[f64]) -> (f64, Vec<f64>) {
     let largest = values.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let share = |v: &f64| (v.max(0.0) / largest).powf(STEEP);

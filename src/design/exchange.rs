@@ -22,7 +22,7 @@ struct Design<'a> {
     covariance: Mat<f64>,
     /// `J_i C J_i'` of every candidate.
     spread: Vec<Matrix6<f64>>,
-    /// Of A alone, whose `L = root root'` does not change: `root`, and `J_i C L C J_i'` of every candidate.
+    /// Of A alone, whose `Q = root root'` does not change: `root`, and `J_i C Q C J_i'` of every candidate.
     fixed: Option<(Mat<f64>, Vec<Matrix6<f64>>)>,
 }
 
@@ -49,7 +49,7 @@ impl<'a> Design<'a> {
         let side = &self.covariance * self.info.columns(candidate);
         let seen = Blocks::of(&(&self.info.rows * &side));
         if let Some((root, by_slope)) = &mut self.fixed {
-            // C L C after C has become C - S m S', where S is `side`.
+            // C Q C after C has become C - S m S', where S is `side`.
             let along = root.transpose() * &side;
             let turned = Blocks::of(&(&self.info.rows * (&self.covariance * (&*root * &along))));
             let own = along.transpose() * &along;

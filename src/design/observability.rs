@@ -5,22 +5,22 @@
 /// The singular values are those of the whitened Jacobian in tolerance-scaled minimal coordinates, so that the indices
 /// depend neither on units nor on the names of coordinates. The product over all directions would be 0 wherever a
 /// direction has no first-order effect, which holds for most machines as drawn: the indices are therefore taken over
-/// the L values above 1, the practical count. Two sets of postures can be compared where L is the same.
+/// the k values above 1, the practical count. Two sets of postures can be compared where k is the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observability {
-    /// Number L of directions that the indices are taken over.
+    /// Number k of directions that the indices are taken over.
     pub directions: usize,
     /// Number m of postures.
     pub poses: usize,
-    /// `(s_1 ... s_L)^(1/L) / sqrt(m)`: volume of the ellipsoid of confidence (Borm & Menq 1991).
+    /// `(s_1 ... s_k)^(1/k) / sqrt(m)`: volume of the ellipsoid of confidence (Borm & Menq 1991).
     pub o1: f64,
-    /// `s_L / s_1`: eccentricity (Driels & Pathre 1990).
+    /// `s_k / s_1`: eccentricity (Driels & Pathre 1990).
     pub o2: f64,
-    /// `s_L`: the worst direction (Nahvi, Hollerbach & Hayward 1994).
+    /// `s_k`: the worst direction (Nahvi, Hollerbach & Hayward 1994).
     pub o3: f64,
-    /// `s_L^2 / s_1`: noise amplification (Nahvi & Hollerbach 1996).
+    /// `s_k^2 / s_1`: noise amplification (Nahvi & Hollerbach 1996).
     pub o4: f64,
-    /// `1 / (1/s_1 + ... + 1/s_L)` (Sun & Hollerbach 2008).
+    /// `1 / (1/s_1 + ... + 1/s_k)` (Sun & Hollerbach 2008).
     pub o5: f64,
 }
 

@@ -45,7 +45,7 @@ pub fn relax(info: &Information, criterion: Criterion, plan: &[usize]) -> Option
         let mut view = criterion.view(info, &information)?;
         let slopes = block_products(&info.rows, &(&info.rows * &view.slope));
         let gap = gap(&weights, &slopes, plan.len());
-        // A worst case does no less harm than any mixture of cases; `L` is one, after division by its mass.
+        // A worst case does no less harm than any mixture of cases; `Q` is one, after division by its mass.
         bound = bound.min((view.mixture + gap) / view.mass);
         rounds += 1;
         let scale = if criterion == Criterion::D { info.kept.max(1) as f64 } else { view.value.abs() };

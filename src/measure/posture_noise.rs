@@ -50,10 +50,10 @@ impl PostureNoise {
 
     /// Whitens the rows of all samples of one posture, which so far are whitened each by its own noise.
     ///
-    /// Their covariance is `V = 1 + B B'`, B the derivatives by the common twist in standard deviations, of one posture
-    /// or of two side by side. With `B'B = E D E'` its symmetric inverse root is `1 - B E C E' B'`,
-    /// `c = 1 / (sqrt(1 + d) (sqrt(1 + d) + 1))`: linear in the number of rows. B depends on the machine so weakly that
-    /// it counts as constant in derivatives. Returns `log det V`.
+    /// Their covariance is `Sigma = 1 + T T'`, T the derivatives by the common twist in standard deviations, of one posture
+    /// or of two side by side. With `T'T = Q diag(l) Q'` its symmetric inverse root is
+    /// `1 - T Q diag(eta) Q' T'`, `eta = 1 / (sqrt(1 + l) (sqrt(1 + l) + 1))`: linear in the number of rows. T depends on the
+    /// machine so weakly that it counts as constant in derivatives. Returns `log det Sigma`.
     pub fn whiten(self, rows: &mut Evaluation) -> f64 {
         let sigma = self.sigma();
         let first: Vec<Vector6<f64>> =
@@ -66,10 +66,10 @@ impl PostureNoise {
     }
 }
 
-/// The symmetric inverse root of `1 + B B'`.
+/// The symmetric inverse root of `1 + T T'`.
 struct Mixing<'a> {
     by: &'a [Vector6<f64>],
-    /// `E C E'`.
+    /// `Q diag(eta) Q'`.
     inner: Matrix6<f64>,
     log_det: f64,
 }
