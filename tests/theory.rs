@@ -8,15 +8,17 @@ use faer::Mat;
 use gough::calibration::Calibration;
 use gough::files::problem::parse_model;
 use gough::files::{DataPlaces, read_problem};
+use gough::identify::counts::visibility;
 use gough::identify::covariance::variance;
+use gough::identify::identify;
 use gough::lie::so3;
 use gough::linalg::singular_values;
 use gough::model::mobility;
 use gough::model::passive::PassiveSplit;
 use gough::problem::{Form, Problem};
 use gough::simulate::draw_deviations;
-use gough::solve::Estimate;
 use gough::solve::split::prior_weight;
+use gough::solve::{Estimate, Failure, Outcome, Stop, registry};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -250,6 +252,27 @@ fn passive_slides_that_follow_each_other_are_counted_twice() {
         let (seen, counted) = seen_and_counted(limb, &mut rng);
         assert_eq!(counted - seen, too_many, "{limb}: {seen} of {counted}");
     }
+}
+
+/// Section 5: the counts of the 6-UPS, at nominal and at the true machine; what full steps without safeguards do to it.
+#[test]
+fn counts_of_a_hexapod_and_full_steps_on_it() {
+    let places = DataPlaces { data_dir: None, shared: "no such folder".into() };
+    let read = read_problem(&file("problems/hexapod-6ups.json"), &places).unwrap();
+    let (machine, samples) = (&read.mechanism, &read.data.samples);
+    let truth = read.truth.as_ref().unwrap().nominal().deviations_from(&machine.nominal());
+    for (at, wanted) in [(vec![0.0; truth.len()], (138, 66, 57)), (truth, (138, 138, 57))] {
+        let counts = visibility(machine, samples, &at).unwrap().counts;
+        assert_eq!((counts.structural, counts.first_order, counts.practical), wanted);
+    }
+    let textbook = registry::find("textbook").unwrap();
+    let found = identify(machine, samples, textbook.as_ref(), &Stop::default()).unwrap();
+    assert!(
+        matches!(found.report.outcome, Outcome::Failed(Failure::Evaluation(_))),
+        "{}",
+        found.report.outcome
+    );
+    assert_eq!(found.report.trace.len(), 1);
 }
 
 /// Section 14: `| value | file | constant | ...`.

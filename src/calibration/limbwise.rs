@@ -96,7 +96,7 @@ impl<'a> LimbProblem<'a> {
     }
 
     /// Jacobian of the whitened residuals at `x` (rows x count), and each residual by the noise of its posture's
-    /// measured pose in standard deviations (rows x 6, `L^-1` of that pose's covariance applied), up to the sign.
+    /// measured pose in standard deviations (rows x 6, `C^(-1/2)` of that pose's covariance applied), up to the sign.
     pub fn sensitivities(&self, x: &[f64]) -> Result<(Mat<f64>, Mat<f64>), EvalError> {
         let (_, geometry) = self.geometry(x);
         let mut by_noise = Mat::zeros(self.starts.len() * self.wrench_count(), 6);

@@ -18,7 +18,8 @@ pub struct NotPositive;
 pub struct Weighting(Vec<[f64; 6]>);
 
 impl Weighting {
-    /// `L^-1` of the covariance (6 x 6, rotation first, rad and m, {S} axes) of the components in `seen`.
+    /// `C^(-1/2)`, lower triangular, of the covariance (6 x 6, rotation first, rad and m, {S} axes) of the components in
+    /// `seen`.
     ///
     /// Components that are not seen have no row: the covariance of the others is their block.
     pub fn whitening(covariance: &Matrix6<f64>, seen: [bool; 6]) -> Result<Self, NotPositive> {

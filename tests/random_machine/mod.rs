@@ -1,5 +1,8 @@
 //! Random machines of every joint type, active and passive joints in any order, no two axes related.
 
+// Each test file is a crate of its own and uses a part of this.
+#![allow(dead_code)]
+
 use gough::calibration::Sample;
 use gough::files::problem::parse_model;
 use gough::lie::{Se3, so3};
