@@ -1,8 +1,10 @@
 //! Base, tool and targets from measured positions: `m_k = X g_k Y o_k` over predicted tool poses `g_k`, with the base `X`,
 //! the tool `Y` and the offsets `o` of targets unknown, or some of them.
 //!
-//! With `X`'s rotation given the rest is nearly linear. So Gauss-Newton starts from the 24 rotations that map a cube to
-//! itself, of which one lies within 63 degrees of any rotation, and the best end is taken.
+//! With `X`'s rotation given the rest is nearly linear, but for the rotation of `Y`, which the mean positions of three known
+//! targets then give. So Gauss-Newton starts from the rotation that explains best how positions follow the predicted motions,
+//! and from the 24 rotations that map a cube to itself, of which one lies within 63 degrees of any rotation; the best end
+//! is taken.
 
 use super::ends::stride;
 use super::registration::{FreeEnds, Sighting, Stand};
@@ -22,6 +24,13 @@ const ITERATIONS: usize = 40;
 const FACTORED: usize = 1000;
 /// Relative size of an eigenvalue of the normal matrix below which its direction is left alone.
 const RANK: f64 = 1e-10;
+
+/// Sharpness below which the mean positions of targets do not give the tool's rotation: they lie on a line.
+const ON_A_LINE: f64 = 1e-4;
+/// Most targets whose motions are compared.
+const MOST_TARGETS: usize = 20;
+/// Singular value, relative to the largest, below which positions do not tell how they follow a motion.
+const FOLLOWED: f64 = 1e-6;
 
 /// A predicted tool pose, the target and where it was measured.
 struct Seen {
@@ -191,10 +200,19 @@ pub(super) fn place_targets(mechanism: &Mechanism, sightings: &[Sighting], free:
         .map(|s| Seen { tool: s.tool, target: s.target, at: s.at })
         .collect();
     let mut best: Option<(f64, Unknowns)> = None;
-    let turns = if free.base { cube_rotations() } else { vec![Matrix3::identity()] };
+    let mut turns = Vec::new();
+    if free.base {
+        turns.extend(following(&seen));
+        turns.extend(cube_rotations());
+    } else {
+        turns.push(Matrix3::identity());
+    }
     for turn in turns {
         let mut from = start.clone();
         from.base.r = turn;
+        if free.tool {
+            from.tool.r = tool_rotation(&from, &few).unwrap_or(from.tool.r);
+        }
         if free.base {
             let gap: Vector3<f64> = few.iter().map(|s| from.error(s)).sum();
             from.base.p -= gap / few.len() as f64;
@@ -207,6 +225,76 @@ pub(super) fn place_targets(mechanism: &Mechanism, sightings: &[Sighting], free:
     }
     let (_, found) = best?.1.settled(&seen);
     (!free.base || spans(&found, &seen)).then(|| found.stand())
+}
+
+/// What tells targets apart: their constants, or their place.
+type TargetKey = (Option<usize>, [u64; 3]);
+
+fn key(target: &Point) -> TargetKey {
+    (target.constants, [0, 1, 2].map(|i| target.nominal[i].to_bits()))
+}
+
+/// What was seen of each target; `None` where they are too many.
+fn by_target(seen: &[Seen]) -> Option<Vec<Vec<&Seen>>> {
+    let mut all: Vec<(TargetKey, Vec<&Seen>)> = Vec::new();
+    for s in seen {
+        let (own, full) = (key(&s.target), all.len() == MOST_TARGETS);
+        match all.iter_mut().find(|(other, _)| *other == own) {
+            Some((_, list)) => list.push(s),
+            None if full => return None,
+            None => all.push((own, vec![s])),
+        }
+    }
+    Some(all.into_iter().map(|(_, list)| list).collect())
+}
+
+fn mean(of: &[&Seen], value: impl Fn(&Seen) -> Vector3<f64>) -> Vector3<f64> {
+    of.iter().map(|s| value(s)).sum::<Vector3<f64>>() / of.len().max(1) as f64
+}
+
+/// The tool's rotation by the mean positions of known targets, the base's rotation given; `None` where these lie on a line.
+fn tool_rotation(at: &Unknowns, seen: &[Seen]) -> Option<Matrix3<f64>> {
+    let turned = at.base.r * so3::nearest(&seen.iter().map(|s| s.tool.r).sum())?.rotation;
+    let targets = by_target(seen)?;
+    let place = |own: &Vec<&Seen>| (mean(own, |s| s.target.at(&at.instrument)), mean(own, |s| s.at));
+    let places: Vec<(Vector3<f64>, Vector3<f64>)> = targets.iter().map(place).collect();
+    let count = places.len() as f64;
+    let drawn = places.iter().map(|(o, _)| o).sum::<Vector3<f64>>() / count;
+    let measured = places.iter().map(|(_, m)| m).sum::<Vector3<f64>>() / count;
+    let sum = places.iter().map(|(o, m)| turned.tr_mul(&(m - measured)) * (o - drawn).transpose()).sum();
+    so3::nearest(&sum).filter(|near| near.sharpness > ON_A_LINE).map(|near| near.rotation)
+}
+
+/// The base's rotation by how positions follow predicted motions: of a target, `dm = X dp + B dw` about its mean, with `B`
+/// its own where offsets are unknown; linear least squares, and the rotation nearest to what stands for `X`.
+fn following(seen: &[Seen]) -> Option<Matrix3<f64>> {
+    let targets = by_target(seen)?;
+    let columns = 3 + 3 * targets.len();
+    let mean_turn = so3::nearest(&seen.iter().map(|s| s.tool.r).sum())?.rotation;
+    // Turns are scaled to lengths: by the size of the motion.
+    let centre = mean(&seen.iter().collect::<Vec<_>>(), |s| s.tool.p);
+    let turn = |s: &Seen| so3::log(&(s.tool.r * mean_turn.transpose()));
+    let (mut lengths, mut angles) = (0.0, 0.0);
+    for s in seen {
+        lengths += (s.tool.p - centre).norm_squared();
+        angles += turn(s).norm_squared();
+    }
+    let scale = if angles > 0.0 { (lengths / angles).sqrt() } else { 0.0 };
+    let (mut normal, mut right) = (DMatrix::zeros(columns, columns), DMatrix::zeros(columns, 3));
+    for (k, own) in targets.iter().enumerate() {
+        let (p0, w0, m0) = (mean(own, |s| s.tool.p), mean(own, turn), mean(own, |s| s.at));
+        for s in own {
+            let mut row = DVector::zeros(columns);
+            row.fixed_rows_mut::<3>(0).copy_from(&(s.tool.p - p0));
+            row.fixed_rows_mut::<3>(3 + 3 * k).copy_from(&((turn(s) - w0) * scale));
+            normal.ger(1.0, &row, &row, 1.0);
+            right += &row * (s.at - m0).transpose();
+        }
+    }
+    let svd = normal.try_svd(true, true, f64::EPSILON, FACTORED)?;
+    let solved = svd.solve(&right, FOLLOWED * FOLLOWED * svd.singular_values.max()).ok()?;
+    let by_shift: Matrix3<f64> = solved.fixed_view::<3, 3>(0, 0).transpose();
+    so3::nearest(&by_shift).filter(|near| near.sharpness > ON_A_LINE).map(|near| near.rotation)
 }
 
 /// Whether the points, as predicted, do not lie on one line: only then they determine a rotation.
