@@ -32,27 +32,27 @@ fn judged_as_stated(machine: &Mechanism, samples: &[Sample], length: f64) -> Jud
     })
 }
 
-/// What is said of the stated size of what is common where the truth is `factor` times that: the factor found.
-fn said_of_stated(factor: f64, seed: u64) -> Option<PostureNoiseFinding> {
+/// What is said of the stated size of what is common where the truth is `factor` times that, and how many other causes
+/// are named.
+fn said_of_stated(factor: f64, seed: u64) -> (Option<PostureNoiseFinding>, usize) {
     let (machine, samples) = drawn(60, COMMON, seed, 1.0);
     let judgement = judged_as_stated(&machine, &samples, COMMON / factor);
     println!("{factor} seed {seed}: {:?}", judgement.sentence());
-    if factor == 1.0 {
-        assert!(judgement.is_clean() && judgement.outliers.is_empty(), "{judgement:?}");
-    }
-    match judgement.causes.as_slice() {
-        [] => None,
-        [Cause::PostureNoise(found)] => Some(found.clone()),
-        other => panic!("{factor}, seed {seed}: {other:?}"),
-    }
+    let count = judgement.causes.len();
+    let found = judgement.causes.into_iter().find_map(|cause| match cause {
+        Cause::PostureNoise(found) => Some(found),
+        _ => None,
+    });
+    let others = count - usize::from(found.is_some());
+    (found, others)
 }
 
 /// Found within four of its standard errors, which are those of a standard deviation from 3 x 60 draws: 5 %.
 #[test]
 fn a_stated_common_error_that_is_wrong_is_named_with_its_factor() {
-    assert_eq!(said_of_stated(1.0, 1), None);
+    assert_eq!(said_of_stated(1.0, 1), (None, 0));
     for factor in [5.0, 0.2] {
-        let found = said_of_stated(factor, 2).expect("named");
+        let (Some(found), 0) = said_of_stated(factor, 2) else { panic!("{factor}: not named, or not alone") };
         let error = found.part.error.expect("the likelihood bends");
         assert!((found.part.factor - factor).abs() < 4.0 * error, "{found:?}");
         assert!((0.03..0.12).contains(&(error / found.part.factor)), "{found:?}");
@@ -68,8 +68,8 @@ fn a_stated_common_error_that_is_wrong_is_named_with_its_factor() {
 #[test]
 #[ignore = "a minute: a hundred machines each"]
 fn a_stated_common_error_is_contradicted_only_where_it_is_wrong() {
-    let alarms = (1..=100).filter(|seed| said_of_stated(1.0, *seed).is_some()).count();
-    let named = (1..=50).filter(|seed| said_of_stated(2.0, *seed).is_some()).count();
+    let alarms = (1..=100).filter(|seed| said_of_stated(1.0, *seed).0.is_some()).count();
+    let named = (1..=50).filter(|seed| said_of_stated(2.0, *seed).0.is_some()).count();
     println!("{alarms} of 100 false alarms, {named} of 50 named at twice");
     assert!(alarms <= 2 && named >= 48);
 }
