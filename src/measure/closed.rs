@@ -1,8 +1,6 @@
 //! A measurement whose posture was closed before.
 
 use super::measurement::{Clue, Errors, Evaluation, Measurement, View, Weights};
-use super::posture_noise::PostureNoise;
-use crate::lie::Se3;
 use std::sync::Arc;
 
 /// Joint variables (machine order, rad and m) at which a sample's loops were closed.
@@ -34,6 +32,10 @@ impl Closed {
 }
 
 impl Measurement for Closed {
+    fn inner(&self) -> Option<&dyn Measurement> {
+        Some(self.inner.as_ref())
+    }
+
     fn rows(&self) -> usize {
         self.inner.rows()
     }
@@ -42,28 +44,8 @@ impl Measurement for Closed {
         self.inner.evaluate(view, out);
     }
 
-    fn weight(&self) -> f64 {
-        self.inner.weight()
-    }
-
-    fn is_angle(&self, row: usize) -> bool {
-        self.inner.is_angle(row)
-    }
-
-    fn second(&self) -> Option<&[f64]> {
-        self.inner.second()
-    }
-
-    fn pose(&self) -> Option<&Se3> {
-        self.inner.pose()
-    }
-
     fn closed_at(&self) -> Option<&ClosedAt> {
         Some(&self.at)
-    }
-
-    fn posture_noise(&self) -> Option<PostureNoise> {
-        self.inner.posture_noise()
     }
 
     fn alone(&self) -> Option<Arc<dyn Measurement>> {
@@ -72,10 +54,6 @@ impl Measurement for Closed {
 
     fn clue(&self) -> Clue {
         self.inner.clue()
-    }
-
-    fn is_contact(&self) -> bool {
-        self.inner.is_contact()
     }
 
     fn readings(&self) -> Vec<f64> {

@@ -217,6 +217,11 @@ pub enum Clue {
 /// Readings of one posture, or of two that are compared. The chain rule through tool twists is all that it shares
 /// with the kinematics, so that a new kind of measurement never touches them.
 pub trait Measurement: std::fmt::Debug + Send + Sync {
+    /// What it wraps, if anything: where a default below says nothing else, that one answers.
+    fn inner(&self) -> Option<&dyn Measurement> {
+        None
+    }
+
     /// Number of residuals.
     fn rows(&self) -> usize;
 
@@ -225,13 +230,13 @@ pub trait Measurement: std::fmt::Debug + Send + Sync {
 
     /// What one such reading is worth beside one of weight 1: a factor on its information, part of the residuals.
     fn weight(&self) -> f64 {
-        1.0
+        self.inner().map_or(1.0, |inner| inner.weight())
     }
 
     /// By what it errs together with everything else that is measured at its posture; not part of its residuals, which
     /// whoever has all of the posture whitens by it.
     fn posture_noise(&self) -> Option<PostureNoise> {
-        None
+        self.inner()?.posture_noise()
     }
 
     /// The same without posture noise, where it has some.
@@ -241,23 +246,22 @@ pub trait Measurement: std::fmt::Debug + Send + Sync {
 
     /// Whether residual `row` is an angle; else it is a length.
     fn is_angle(&self, row: usize) -> bool {
-        let _ = row;
-        false
+        self.inner().is_some_and(|inner| inner.is_angle(row))
     }
 
     /// Actuator variables (rad, m) of the second posture, for kinds that compare two.
     fn second(&self) -> Option<&[f64]> {
-        None
+        self.inner()?.second()
     }
 
     /// The measured pose, where there is a whole one: the posture is sought from it.
     fn pose(&self) -> Option<&Se3> {
-        None
+        self.inner()?.pose()
     }
 
     /// Joint variables at which the posture was closed, where it was: it is closed again from there.
     fn closed_at(&self) -> Option<&ClosedAt> {
-        None
+        self.inner()?.closed_at()
     }
 
     /// What it says about where things are.
@@ -265,7 +269,7 @@ pub trait Measurement: std::fmt::Debug + Send + Sync {
 
     /// Whether the posture was led to where the reading is what it is, as a probe is to a surface.
     fn is_contact(&self) -> bool {
-        false
+        self.inner().is_some_and(|inner| inner.is_contact())
     }
 
     /// The numbers read, rad and m, in an order of the kind's own.

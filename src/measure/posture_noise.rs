@@ -1,10 +1,8 @@
 //! What is common to all that is measured at one posture, beside the noise of each reading (docs/theory.md (8.12), (8.13)).
 
-use super::closed::ClosedAt;
 use super::measurement::{
     Clue, ConstantDerivative, Errors, Evaluation, LimbDerivative, Measurement, View, Weights,
 };
-use crate::lie::Se3;
 use nalgebra::{Matrix6, Vector6};
 use std::sync::Arc;
 
@@ -163,6 +161,10 @@ impl OfPosture {
 }
 
 impl Measurement for OfPosture {
+    fn inner(&self) -> Option<&dyn Measurement> {
+        Some(self.inner.as_ref())
+    }
+
     fn rows(&self) -> usize {
         self.inner.rows()
     }
@@ -179,32 +181,8 @@ impl Measurement for OfPosture {
         Some(self.inner.clone())
     }
 
-    fn weight(&self) -> f64 {
-        self.inner.weight()
-    }
-
-    fn is_angle(&self, row: usize) -> bool {
-        self.inner.is_angle(row)
-    }
-
-    fn second(&self) -> Option<&[f64]> {
-        self.inner.second()
-    }
-
-    fn pose(&self) -> Option<&Se3> {
-        self.inner.pose()
-    }
-
-    fn closed_at(&self) -> Option<&ClosedAt> {
-        self.inner.closed_at()
-    }
-
     fn clue(&self) -> Clue {
         self.inner.clue()
-    }
-
-    fn is_contact(&self) -> bool {
-        self.inner.is_contact()
     }
 
     fn readings(&self) -> Vec<f64> {

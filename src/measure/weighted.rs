@@ -1,13 +1,11 @@
 //! A measurement that counts more, or less, than its noise says.
 
-use super::closed::ClosedAt;
 use super::measurement::{Clue, Errors, Evaluation, Measurement, View, Weights};
-use super::posture_noise::PostureNoise;
-use crate::lie::Se3;
 use std::sync::Arc;
 
 /// Any measurement with a factor on its information: one reading of weight `w` is worth `w` of weight 1, so all of its
-/// whitened rows are multiplied by `sqrt(w)` (docs/theory.md (8.10)).
+/// whitened rows are multiplied by `sqrt(w)` (docs/theory.md (8.10)). What is common to its posture stays as it is, however
+/// many readings it stands for.
 #[derive(Clone, Debug)]
 pub struct Weighted {
     inner: Arc<dyn Measurement>,
@@ -26,6 +24,10 @@ impl Weighted {
 }
 
 impl Measurement for Weighted {
+    fn inner(&self) -> Option<&dyn Measurement> {
+        Some(self.inner.as_ref())
+    }
+
     fn rows(&self) -> usize {
         self.inner.rows()
     }
@@ -46,37 +48,12 @@ impl Measurement for Weighted {
         self.weight
     }
 
-    /// The weight is one of readings: what is common stays, however many they stand for.
-    fn posture_noise(&self) -> Option<PostureNoise> {
-        self.inner.posture_noise()
-    }
-
     fn alone(&self) -> Option<Arc<dyn Measurement>> {
         Some(self.again(self.inner.alone()?))
     }
 
-    fn is_angle(&self, row: usize) -> bool {
-        self.inner.is_angle(row)
-    }
-
-    fn second(&self) -> Option<&[f64]> {
-        self.inner.second()
-    }
-
-    fn pose(&self) -> Option<&Se3> {
-        self.inner.pose()
-    }
-
-    fn closed_at(&self) -> Option<&ClosedAt> {
-        self.inner.closed_at()
-    }
-
     fn clue(&self) -> Clue {
         self.inner.clue()
-    }
-
-    fn is_contact(&self) -> bool {
-        self.inner.is_contact()
     }
 
     fn readings(&self) -> Vec<f64> {
