@@ -3,9 +3,14 @@
 use super::anchored::Anchored;
 use super::identifier::{Identifier, SettingError, Stop};
 use super::levenberg::minimise;
-use super::report::{Estimate, Failure, Report};
+use super::minimal::Minimal;
+use super::report::{Estimate, Failure, Outcome, Report};
 use super::settings;
+use super::split::Split;
 use crate::problem::{Problem, cost};
+
+/// Part of the iterations, one in so many, that Levenberg's method has.
+const FIRST: usize = 4;
 
 /// `min |r(x)|^2 + weight |x|^2` with x in tolerances: at weight 1 the Bayesian estimate for Gaussian noise and
 /// tolerances (docs/theory.md section 6). Steps are accepted on this merit, not on the linear model.
@@ -51,13 +56,25 @@ impl Identifier for Map {
                 "its parameters have no tolerances that could serve as prior".into(),
             ));
         }
-        let found = minimise(&Anchored::ridge(problem, self.weight), start, stop);
-        Report {
-            cost: problem.residual(&found.x).map_or(f64::INFINITY, |r| cost(&r)),
-            x: found.x,
-            outcome: found.outcome,
-            trace: found.trace,
-            ..report
-        }
+        ridge(problem, self.weight, start, stop, report)
     }
+}
+
+/// The optimum under the full prior times `weight`, from `start`; `report` is of the estimate. Far from it the radius of
+/// Levenberg's method is what leads there. Where it creeps, the last way is left to steps that know the curvature of flat
+/// valleys.
+pub(super) fn ridge(
+    problem: &dyn Problem,
+    weight: f64,
+    start: &[f64],
+    stop: &Stop,
+    report: Report,
+) -> Report {
+    let first = Stop { iterations: stop.iterations.div_ceil(FIRST), ..*stop };
+    let found = minimise(&Anchored::ridge(problem, weight), start, &first);
+    let report = Report { x: found.x, outcome: found.outcome, trace: found.trace, ..report };
+    if report.outcome == Outcome::OutOfIterations {
+        return Minimal::default().iterate(problem, Some(Split::ridge(start.len(), weight)), stop, report);
+    }
+    Report { cost: problem.residual(&report.x).map_or(f64::INFINITY, |r| cost(&r)), ..report }
 }

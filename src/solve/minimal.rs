@@ -1,9 +1,11 @@
 //! The default: Gauss-Newton that leaves to the data what the data knows better than the tolerance.
 
+use super::bend::bent;
 use super::identifier::{Identifier, SettingError, Stop};
+use super::map::ridge;
 use super::report::{Criterion, Estimate, Failure, Iterate, Outcome, Report};
 use super::split::{Model, Split};
-use super::valley::{floor, under_full_prior};
+use super::valley::floor;
 use crate::linalg::{self, norm};
 use crate::problem::{Compressed, EvalError, Problem};
 
@@ -18,7 +20,8 @@ use crate::problem::{Compressed, EvalError, Problem};
 /// with the exact gradient: the end of an iteration costs no factorisation, and a singular value near the
 /// threshold cannot make it swing.
 ///
-/// A step that a curved valley spoils is corrected before it is damped. Where the iteration ends nowhere all the same,
+/// A step that a curved valley spoils is corrected before it is damped. After fifteen iterations the weak directions have
+/// the curvature of the merit itself, which second derivatives of the residual decide there. Where the iteration ends nowhere all the same,
 /// valleys that the prior leaves to the data lead out of reach: then the full prior stands on every direction, as `map`
 /// has it.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +60,10 @@ const UNSEEN: f64 = 1e-12;
 const NOTHING: f64 = 1e-12;
 /// Way, in tolerances, up to which split and curvature are kept.
 const NEAR: f64 = 0.3;
+/// Iterations after which weak directions get the curvature that a linear model does not have.
+const SLOW: usize = 15;
+/// Ratio of successive steps up to which such a curvature is kept.
+const CONTRACTING: f64 = 0.5;
 /// Renewals after which only the curvature is renewed, so that the merit is one and the same from then on.
 const SPLITS: usize = 12;
 
@@ -93,41 +100,76 @@ impl Identifier for Minimal {
     }
 
     fn identify(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
-        if self.renewing || !problem.has_prior() {
-            return self.iterate(problem, start, stop);
-        }
-        // As many iterations are left for the full prior, should it come to that.
-        let iterations = stop.iterations.div_ceil(2);
-        let report = self.iterate(problem, start, &Stop { iterations, ..*stop });
-        if report.outcome.converged() {
-            return report;
-        }
-        under_full_prior(problem, start, stop, report)
-    }
-}
-
-impl Minimal {
-    fn iterate(&self, problem: &dyn Problem, start: &[f64], stop: &Stop) -> Report {
         let estimate = match problem.has_prior() {
             true => Estimate::Split { threshold: self.threshold },
             false => Estimate::LeastSquares,
         };
-        let mut report = Report::new(self.name(), start, estimate);
+        let report = Report::new(self.name(), start, estimate);
+        if self.renewing || !problem.has_prior() {
+            return self.iterate(problem, None, stop, report);
+        }
+        // As many iterations are left for the full prior, should it come to that.
+        let iterations = stop.iterations.div_ceil(2);
+        let report = self.iterate(problem, None, &Stop { iterations, ..*stop }, report);
+        if report.outcome.converged() {
+            return report;
+        }
+        self.under_full_prior(problem, start, stop, report)
+    }
+}
+
+impl Minimal {
+    /// The estimate with the full prior on every direction, from where the iteration of `report` stood, or from `start` where
+    /// it could go no further; `report` where that is not found either.
+    fn under_full_prior(
+        &self,
+        problem: &dyn Problem,
+        start: &[f64],
+        stop: &Stop,
+        mut report: Report,
+    ) -> Report {
+        let left = Stop { iterations: stop.iterations.saturating_sub(report.trace.len()), ..*stop };
+        let from = if report.outcome == Outcome::OutOfIterations { &report.x } else { start };
+        let under = Report::new(self.name(), from, Estimate::Ridge { weight: 1.0 });
+        let found = ridge(problem, 1.0, from, &left, under);
+        report.trace.extend_from_slice(&found.trace);
+        match found.outcome.converged() {
+            true => Report { trace: report.trace, ..found },
+            false => report,
+        }
+    }
+
+    /// Iterates from `report.x`, under the split `fixed` where one is given.
+    pub(super) fn iterate(
+        &self,
+        problem: &dyn Problem,
+        fixed: Option<Split>,
+        stop: &Stop,
+        mut report: Report,
+    ) -> Report {
         let nothing = if problem.has_prior() { NOTHING } else { 0.0 };
         let mut damping = 0.0;
         let mut model: Option<Model> = None;
-        let mut settled: Option<Split> = None;
+        let mut settled = fixed.clone();
         let mut splits = 0;
         let (mut cost, mut gradient) = (f64::INFINITY, Vec::new());
-        let mut promised_before = f64::INFINITY;
+        let (mut promised_before, mut length_before) = (f64::INFINITY, f64::INFINITY);
         let mut reached: Option<Compressed> = None;
         while report.trace.len() < stop.iterations {
+            let slow = report.trace.len() >= SLOW && problem.has_prior() && !self.renewing;
+            if let Some(straight) = model.take_if(|kept| slow && !kept.is_bent()) {
+                settled = Some(straight.split);
+            }
             let fresh = model.is_none();
             let current = match model.take() {
                 Some(kept) => kept,
                 None => match self.model(problem, &report.x, settled.take(), reached.take()) {
                     Ok((renewed, at)) => {
                         splits += 1;
+                        let renewed = match slow {
+                            true => bent(problem, &report.x, &at, renewed, self.threshold),
+                            false => renewed,
+                        };
                         cost = at.cost;
                         gradient = linalg::mul_transpose(at.jac.as_ref(), &at.r);
                         renewed
@@ -140,7 +182,7 @@ impl Minimal {
             let merit = cost + current.split.penalty(&report.x);
             let origin = Origin { x: &report.x, gradient: &gradient, merit };
             let step = loop {
-                let dx = match fresh {
+                let dx = match fresh && !current.is_bent() {
                     true => current.fresh_step(damping),
                     false => current.stale_step(&report.x, &gradient, damping),
                 };
@@ -153,7 +195,7 @@ impl Minimal {
                     Err(failure) => return report.fail(failure),
                 }
             };
-            settled = (splits >= SPLITS).then(|| current.split.clone());
+            settled = (fixed.is_some() || slow || splits >= SPLITS).then(|| current.split.clone());
             let Some(step) = step else { continue };
             let unjudged = step.promised <= UNJUDGED * merit;
             let ratio = if unjudged { 1.0 } else { step.gained / step.promised };
@@ -162,7 +204,7 @@ impl Minimal {
             (cost, gradient, reached) = (step.cost, step.gradient, step.reached);
             report.cost = cost;
             let left = merit - step.gained;
-            report.trace.push(Iterate { cost: left, step: length, kept: Some(current.split.kept()) });
+            report.trace.push(Iterate { cost: left, step: length, kept: current.split.kept() });
             // Steps whose promise no longer shrinks are rounding.
             let at_rounding = unjudged && step.promised > 0.25 * promised_before;
             promised_before = step.promised;
@@ -180,7 +222,9 @@ impl Minimal {
             } else if ratio < 0.25 {
                 damping = (damping * 2.0).max(FIRST_DAMPING);
             }
-            if length <= NEAR && (0.5..1.5).contains(&ratio) {
+            let contracting = !current.is_bent() || length <= CONTRACTING * length_before;
+            length_before = length;
+            if length <= NEAR && contracting && (0.5..1.5).contains(&ratio) {
                 match self.renewing {
                     true => settled = Some(current.split),
                     false => model = Some(current),

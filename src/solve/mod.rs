@@ -5,6 +5,7 @@ pub mod argmin_adapter;
 pub mod argmin_lbfgs;
 pub mod argmin_lm;
 pub mod argmin_trust_region;
+mod bend;
 pub mod complete;
 pub mod conic;
 pub mod damped;

@@ -5,7 +5,7 @@ use crate::problem::Compressed;
 use faer::Mat;
 
 /// Singular value, relative to the threshold, above which the prior has no weight left.
-const FADED: f64 = 10.0;
+pub(super) const FADED: f64 = 10.0;
 
 /// A number of rows that factorises fastest, `rows` or a few more.
 fn in_fours(rows: usize) -> usize {
@@ -21,12 +21,18 @@ fn in_fours(rows: usize) -> usize {
 pub struct Split {
     /// Orthonormal columns times the square root of the weight, n x m.
     anchors: Mat<f64>,
-    kept: usize,
+    kept: Option<usize>,
     /// Whether the prior holds `x` near 0 there; else the step just leaves these directions alone.
     prior: bool,
 }
 
 impl Split {
+    /// The prior with this weight on all of `n` coordinates.
+    pub fn ridge(n: usize, weight: f64) -> Self {
+        let anchors = Mat::from_fn(n, n, |i, j| if i == j { weight.sqrt() } else { 0.0 });
+        Self { anchors, kept: None, prior: true }
+    }
+
     /// Splits the coordinates at the singular value `threshold` of the Jacobian, of which `factor` is a square factor in
     /// its first n columns; `None` where it is not finite.
     ///
@@ -38,7 +44,7 @@ impl Split {
             return None;
         }
         if inverse_norm(factor, n) * threshold * FADED < 1.0 {
-            return Some(Self { anchors: Mat::zeros(n, 0), kept: n, prior });
+            return Some(Self { anchors: Mat::zeros(n, 0), kept: Some(n), prior });
         }
         let svd = linalg::svd(here.jac.as_ref())?;
         let strong = svd.s.iter().filter(|s| **s >= threshold * FADED).count();
@@ -47,11 +53,11 @@ impl Split {
             let root = prior_weight(s / threshold).sqrt();
             anchors.as_mut().col_mut(column).iter_mut().for_each(|v| *v *= root);
         }
-        Some(Self { anchors, kept: svd.s.iter().filter(|s| **s > threshold).count(), prior })
+        Some(Self { anchors, kept: Some(svd.s.iter().filter(|s| **s > threshold).count()), prior })
     }
 
-    /// Number of directions whose singular value is above the threshold.
-    pub fn kept(&self) -> usize {
+    /// Number of directions whose singular value is above the threshold; `None` of a ridge.
+    pub fn kept(&self) -> Option<usize> {
         self.kept
     }
 
@@ -82,7 +88,7 @@ impl Split {
     }
 
     /// Gradient of [`penalty`](Self::penalty).
-    fn pull(&self, x: &[f64]) -> Vec<f64> {
+    pub(super) fn pull(&self, x: &[f64]) -> Vec<f64> {
         if !self.prior {
             return vec![0.0; x.len()];
         }
@@ -98,6 +104,8 @@ pub struct Model {
     factor: Mat<f64>,
     /// Column norms of the Jacobian, in which damping is measured without a prior.
     scale: Vec<f64>,
+    /// Whether the weak directions have the curvature of the merit itself.
+    bent: bool,
 }
 
 impl Model {
@@ -127,7 +135,28 @@ impl Model {
             true => vec![1.0; n],
             false => (0..n).map(|j| some(here.jac.col(j).norm_l2())).collect(),
         };
-        Some(Self { factor: split.stacked(factor, x), split, scale })
+        Some(Self { factor: split.stacked(factor, x), split, scale, bent: false })
+    }
+
+    /// The same model where the directions `weak` (orthonormal columns) have the curvature `bend'bend` and what is
+    /// orthogonal to them the rows `strong`.
+    pub fn bent(self, strong: &Mat<f64>, weak: &Mat<f64>, bend: &Mat<f64>) -> Self {
+        let n = self.scale.len();
+        let of_prior = self.split.anchors.transpose();
+        let of_prior = of_prior - (of_prior * weak) * weak.transpose();
+        let bend = bend * weak.transpose();
+        let (k, m) = (strong.nrows(), of_prior.nrows());
+        let mut rows = Mat::<f64>::zeros(in_fours((k + m + bend.nrows()).max(n)), n + 1);
+        rows.as_mut().submatrix_mut(0, 0, k, n).copy_from(strong);
+        rows.as_mut().submatrix_mut(k, 0, m, n).copy_from(&of_prior);
+        rows.as_mut().submatrix_mut(k + m, 0, bend.nrows(), n).copy_from(&bend);
+        Self { factor: upper_factor(rows.as_mut()), bent: true, ..self }
+    }
+
+    /// Whether the weak directions have the curvature of the merit itself; such a model has no
+    /// [`fresh_step`](Self::fresh_step).
+    pub fn is_bent(&self) -> bool {
+        self.bent
     }
 
     /// The step at the point where the model was made, damped by `damping |D dx|^2`.

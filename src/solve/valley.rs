@@ -1,11 +1,7 @@
-//! Curved valleys: steps led back to their floor, and the prior that closes their ends.
+//! Curved valleys: steps led back to their floor.
 
-use super::anchored::Anchored;
-use super::identifier::Stop;
-use super::levenberg::minimise;
-use super::report::{Estimate, Outcome, Report};
 use super::split::Model;
-use crate::problem::{Problem, cost};
+use crate::problem::Problem;
 
 /// Steps back to the floor.
 const STEPS: usize = 3;
@@ -52,23 +48,4 @@ pub fn floor(
         before = reached;
     }
     None
-}
-
-/// The estimate with the full prior on every direction, from where the iteration of `report` stood, or from `start` where
-/// it could go no further; `report` where that is not found either.
-pub fn under_full_prior(problem: &dyn Problem, start: &[f64], stop: &Stop, mut report: Report) -> Report {
-    let left = Stop { iterations: stop.iterations.saturating_sub(report.trace.len()), ..*stop };
-    let from = if report.outcome == Outcome::OutOfIterations { &report.x } else { start };
-    let found = minimise(&Anchored::ridge(problem, 1.0), from, &left);
-    report.trace.extend(found.trace);
-    if !found.outcome.converged() {
-        return report;
-    }
-    Report {
-        cost: problem.residual(&found.x).map_or(f64::INFINITY, |r| cost(&r)),
-        x: found.x,
-        outcome: found.outcome,
-        estimate: Estimate::Ridge { weight: 1.0 },
-        ..report
-    }
 }
