@@ -2,18 +2,21 @@
 
 mod support;
 
-use gough::calibration::{Calibration, Sample};
+use gough::calibration::representative::representative;
+use gough::calibration::{Calibration, Coordinates, Sample};
 use gough::files::{DataPlaces, ProblemFile, read_problem};
 use gough::identify::counts::visibility;
 use gough::identify::{Evidence, ToleranceVerdict, identify, pose_covariances};
-use gough::lie::so3;
+use gough::lie::{Se3, so3};
+use gough::linalg;
 use gough::measure::Pose;
 use gough::model::{Geometry, Mechanism, Posture, Prior, Tolerance};
 use gough::problem::{Form, Problem};
 use gough::simulate::{Plan, close, simulate};
+use gough::solve::map::Map;
 use gough::solve::minimal::Minimal;
 use gough::solve::{Stop, registry};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use std::path::PathBuf;
 use std::sync::Arc;
 use support::{GOLDEN, Ran, done, file, golden, gough, json};
@@ -131,13 +134,15 @@ fn sense_without_noise_is() {
 /// `log det(I + F^2 J J') + r'(...)^-1 r` written out, with free components as ones of an immense tolerance.
 #[test]
 fn evidence_is_the_marginal_likelihood() {
-    let mut drawn = problem(&golden("serial-6r", "problem.json"));
-    for free in [false, true] {
-        let samples = &drawn.data.samples[..12];
-        if free {
-            let all = Tolerance { angle: Prior::Free, length: Prior::Free };
-            drawn.mechanism.limbs[0].links[0].tolerance = all;
+    let all = Tolerance { angle: Prior::Free, length: Prior::Free };
+    for free in ["nothing", "a link", "the placement"] {
+        let mut drawn = problem(&golden("serial-6r", "problem.json"));
+        match free {
+            "a link" => drawn.mechanism.limbs[0].links[0].tolerance = all,
+            "the placement" => drawn.mechanism.ends.placement = Some(all),
+            _ => {}
         }
+        let samples = &drawn.data.samples[..12];
         let mechanism = &drawn.mechanism;
         let at = vec![0.0; mechanism.component_count()];
         let problem = Calibration::new(mechanism, samples, Form::Minimal, &at);
@@ -150,10 +155,13 @@ fn evidence_is_the_marginal_likelihood() {
         let (m, n) = (dense.jac.nrows(), dense.jac.ncols());
         let jac = DMatrix::from_fn(m, n, |i, j| dense.jac[(i, j)]);
         let r = DVector::from_column_slice(&dense.r);
-        let first = if free { 6 } else { 0 };
+        // The motion's six columns stand behind those of the links.
+        let (stated, unknown) = match free {
+            "a link" => (jac.columns(6, n - 6), jac.columns(0, 6)),
+            "the placement" => (jac.columns(0, n - 6), jac.columns(n - 6, 6)),
+            _ => (jac.columns(0, n), jac.columns(0, 0)),
+        };
         let written = |factor: f64| {
-            let stated = jac.columns(first, n - first);
-            let unknown = jac.columns(0, first);
             let covariance = DMatrix::identity(m, m)
                 + stated * stated.transpose() * (factor * factor)
                 + unknown * unknown.transpose() * 1e2;
@@ -198,28 +206,75 @@ fn test_is_as_sharp_as_it_says() {
     assert!(named > 160, "{named}");
 }
 
-/// A part of `examples/tolerances.rs`.
-#[test]
-fn factors_are_named() {
-    let drawn = problem(&golden("serial-6r", "problem.json"));
+/// Noisy poses of a true machine that deviates by `distance` tolerances and stands elsewhere by `placed`.
+fn simulated(drawn: &ProblemFile, distance: f64, seed: u64, placed: Se3) -> (Geometry, Vec<Sample>) {
     let noise = drawn.data.noise.unwrap();
+    let plan = Plan { poses: 40, holdout: 0, seed, noise: 1.0, distance };
+    let simulated = simulate(&drawn.mechanism, &noise, &plan).unwrap();
+    let sample = |(actuators, pose): &(Vec<f64>, Se3)| Sample {
+        name: "sample".into(),
+        actuators: actuators.clone(),
+        measurement: Arc::new(Pose::new(placed * *pose, [true; 6], &noise).unwrap()),
+    };
+    (simulated.truth, simulated.samples.iter().map(sample).collect())
+}
+
+fn factors_are_named(drawn: &ProblemFile, machine: &Mechanism, placed: Se3) {
     for (distance, alarm) in [(1.0, false), (3.0, true), (6.0, true)] {
         for seed in 1..=4 {
-            let plan = Plan { poses: 40, holdout: 0, seed, noise: 1.0, distance };
-            let simulated = simulate(&drawn.mechanism, &noise, &plan).unwrap();
-            let sample = |(actuators, pose): &(Vec<f64>, _)| Sample {
-                name: "sample".into(),
-                actuators: actuators.clone(),
-                measurement: Arc::new(Pose::new(*pose, [true; 6], &noise).unwrap()),
-            };
-            let samples: Vec<Sample> = simulated.samples.iter().map(sample).collect();
-            let found = identify(&drawn.mechanism, &samples, &Minimal::default(), &Stop::default()).unwrap();
+            let (_, samples) = simulated(drawn, distance, seed, placed);
+            let found = identify(machine, &samples, &Minimal::default(), &Stop::default()).unwrap();
             let test = found.tolerance_test.unwrap();
             assert_eq!(test.verdict == ToleranceVerdict::TooSmall, alarm, "{distance} {seed}: {test:?}");
             assert!((0.65..1.6).contains(&(test.factor / distance)), "{distance} {seed}: {test:?}");
             assert_eq!(test.in_force, if alarm { test.factor } else { 1.0 });
         }
     }
+}
+
+/// A part of `examples/tolerances.rs`.
+#[test]
+fn factors_of_an_arm_are_named() {
+    let drawn = problem(&golden("serial-6r", "problem.json"));
+    factors_are_named(&drawn, &drawn.mechanism, Se3::identity());
+}
+
+/// What all limbs share and nothing states says nothing of tolerances, and does not hide them.
+#[test]
+fn factors_beside_a_free_placement_are_named() {
+    let drawn = problem(&golden("serial-6r", "problem.json"));
+    let mut machine = drawn.mechanism.clone();
+    machine.ends.placement = Some(Tolerance { angle: Prior::Free, length: Prior::Free });
+    let placed = Se3 { r: so3::exp(&Vector3::new(0.3, -0.2, 0.9)), p: Vector3::new(0.5, -1.2, 0.3) };
+    factors_are_named(&drawn, &machine, placed);
+}
+
+/// At six tolerances the curvature of the residual all but cancels the prior along some directions of this hexapod: steps
+/// that do not see it contract by 0.99. What is found is where the gradient vanishes, and its intervals hold the truth.
+#[test]
+fn flat_valleys_are_followed_to_their_end() {
+    let drawn = problem(&case("tolerance/stewart-6-3-10-1.json"));
+    let (truth, samples) = simulated(&drawn, 6.0, 28, Se3::identity());
+    let found = identify(&drawn.mechanism, &samples, &Map::default(), &Stop::default()).unwrap();
+    let test = found.tolerance_test.unwrap();
+    assert!(found.report.outcome.converged() && (4.8..7.5).contains(&test.in_force), "{test:?}");
+    let at = found.geometry.deviations_from(&found.supported.nominal());
+    let problem = Calibration::new(&found.supported, &samples, Form::Minimal, &at);
+    let x = problem.coordinates().nearest(&at);
+    let (_, of_cost) = problem.gradient(&x).unwrap();
+    let left: Vec<f64> = of_cost.iter().zip(&x).map(|(g, x)| g + x).collect();
+    // Gradient over curvature: how far the point is off along each direction, in tolerances.
+    let seen = found.visibility.as_ref().unwrap();
+    let along = linalg::mul_transpose(seen.directions.as_ref(), &left);
+    let off = along.iter().zip(&seen.singular_values).map(|(g, s)| g / (1.0 + (s * test.in_force).powi(2)));
+    let farthest = off.fold(0.0f64, |a, off| a.max(off.abs()));
+    assert!(farthest < 1e-3, "{farthest}");
+    let errors = found.standard_errors().unwrap();
+    let truth =
+        Coordinates::new(&found.start, Form::Minimal).deviations(&representative(&found.start, &truth));
+    let told: Vec<usize> = (0..errors.len()).filter(|&i| errors[i] > 1e-9).collect();
+    let held = told.iter().filter(|&&i| (truth[i] - found.deviations[i]).abs() <= 1.96 * errors[i]).count();
+    assert!(held as f64 > 0.9 * told.len() as f64, "{held} of {}", told.len());
 }
 
 #[test]

@@ -303,11 +303,6 @@ impl Coordinates {
 }
 
 impl LimbCoordinates {
-    /// How the components that are not held follow from these coordinates, both in tolerances: free x count.
-    pub fn basis(&self) -> &Mat<f64> {
-        &self.basis
-    }
-
     /// Coordinates of constants, none of them redundant; `length` is the machine's size, m.
     fn of_constants(constants: &[Constant], length: f64, offset: usize, slice_offset: usize) -> Self {
         let count = constants.len();

@@ -2,6 +2,7 @@
 
 mod approach;
 mod closing;
+mod components;
 pub mod coordinates;
 mod elsewhere;
 pub mod evaluate;

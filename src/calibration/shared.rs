@@ -65,6 +65,11 @@ impl Shared {
         self.units.len()
     }
 
+    /// Of each motion, whether it is a turn and whether it belongs to the placement.
+    pub fn kinds(&self) -> impl Iterator<Item = (bool, bool)> {
+        self.angular.iter().zip(&self.units).map(|(angular, unit)| (*angular, unit.2))
+    }
+
     /// Standard deviation that the motions give component `i` of all links.
     pub fn reach(&self, i: usize) -> f64 {
         (0..self.count()).map(|j| self.lift[(i, j)].powi(2)).sum::<f64>().sqrt()

@@ -2,7 +2,7 @@
 //! all tolerances (docs/theory.md (10.17)-(10.19)).
 
 use super::counts::Visibility;
-use crate::calibration::{Calibration, Coordinates};
+use crate::calibration::Calibration;
 use crate::linalg;
 use crate::model::{Mechanism, Prior, Tolerance};
 use crate::problem::{EvalError, Problem};
@@ -63,23 +63,16 @@ pub struct ToleranceTest {
 
 impl Evidence {
     /// At the point `x` of a problem in minimal coordinates, of which `seen` has the directions; linearised there. Where
-    /// links are free, directions that could be theirs say nothing of tolerances and are projected out.
+    /// links, motions that all limbs share or constants of the instrument are free, directions that could be theirs say nothing of tolerances and are projected out.
     pub fn at(
         mechanism: &Mechanism,
         problem: &Calibration<'_>,
         x: &[f64],
         seen: &Visibility,
     ) -> Result<Self, EvalError> {
-        let shared = [mechanism.ends.placement, mechanism.ends.tool_mounting];
-        let free_motion = shared.iter().flatten().any(|t| t.angle == Prior::Free || t.length == Prior::Free);
-        if free_motion || has_free(mechanism) && shared.iter().any(Option::is_some) {
-            // Which directions are theirs is not worked out.
-            return Err(EvalError(
-                "tolerances beside free motions that all limbs share are not tested".into(),
-            ));
-        }
-        if has_free(mechanism) {
-            return Self::beside_free(mechanism, problem, x);
+        let components = problem.coordinates().by_components(mechanism);
+        if components.iter().any(|(prior, _)| *prior == Prior::Free) {
+            return Self::beside_free(&components, problem, x);
         }
         let (_, gradient) = problem.gradient(x)?;
         let (along, pull) = (
@@ -96,10 +89,19 @@ impl Evidence {
         Ok(evidence)
     }
 
-    fn beside_free(mechanism: &Mechanism, problem: &Calibration<'_>, x: &[f64]) -> Result<Self, EvalError> {
+    fn beside_free(
+        components: &[(Prior, Vec<f64>)],
+        problem: &Calibration<'_>,
+        x: &[f64],
+    ) -> Result<Self, EvalError> {
         let here = problem.compress(x)?;
         let not_finite = || EvalError("the whitened Jacobian is not finite".into());
-        let (stated, free) = by_components(mechanism, problem.coordinates());
+        let of = |free: bool| {
+            let columns = components.iter().filter(|(prior, _)| (*prior == Prior::Free) == free);
+            let columns: Vec<&Vec<f64>> = columns.map(|(_, column)| column).collect();
+            Mat::from_fn(x.len(), columns.len(), |i, j| columns[j][i])
+        };
+        let (stated, free) = (of(false), of(true));
         let mut by_stated = &here.jac * &stated;
         let moved = linalg::mul(here.jac.as_ref(), x);
         let mut read = Mat::from_fn(here.r.len(), 1, |i, _| moved[i] - here.r[i]);
@@ -198,38 +200,6 @@ impl Evidence {
         let lower = if lower <= low { 0.0 } else { lower.exp() };
         (best.exp(), (lower, end(high).exp()))
     }
-}
-
-fn has_free(mechanism: &Mechanism) -> bool {
-    let links = mechanism.limbs.iter().flat_map(|limb| &limb.links);
-    let mut priors = links.flat_map(|link| [link.tolerance.angle, link.tolerance.length]);
-    priors.any(|prior| prior == Prior::Free) || mechanism.instrument.iter().any(|c| c.prior == Prior::Free)
-}
-
-/// How the minimal coordinates answer to components with a stated tolerance, and to free ones: one column each, in units
-/// of their tolerance.
-fn by_components(mechanism: &Mechanism, coordinates: &Coordinates) -> (Mat<f64>, Mat<f64>) {
-    let n = coordinates.count();
-    let limbs = mechanism.limbs.iter().map(|limb| {
-        let each = |i: &usize| {
-            let Tolerance { angle, length } = limb.links[i / 6].tolerance;
-            if i % 6 < 3 { angle } else { length }
-        };
-        Box::new(each) as Box<dyn Fn(&usize) -> Prior>
-    });
-    let constants: Box<dyn Fn(&usize) -> Prior> = Box::new(|i: &usize| mechanism.instrument[*i].prior);
-    let (mut stated, mut free) = (Vec::new(), Vec::new());
-    for (block, prior) in coordinates.blocks().zip(limbs.chain([constants])) {
-        for (row, component) in block.free.iter().enumerate() {
-            let mut column = vec![0.0; n];
-            for k in 0..block.count {
-                column[block.offset + k] = block.basis()[(row, k)];
-            }
-            if prior(component) == Prior::Free { &mut free } else { &mut stated }.push(column);
-        }
-    }
-    let matrix = |columns: &[Vec<f64>]| Mat::from_fn(n, columns.len(), |i, j| columns[j][i]);
-    (matrix(&stated), matrix(&free))
 }
 
 impl Mechanism {
