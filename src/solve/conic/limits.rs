@@ -59,6 +59,20 @@ impl Limits {
         self.cone < f64::INFINITY && length >= self.cone * (1.0 - REACHED)
     }
 
+    /// Puts a group on the limit of its cone, its coordinates that are `held` staying exactly where they are; `false` where
+    /// these alone are beyond it, or nothing else is left to move.
+    pub fn onto_cone(&self, x: &mut [f64], group: &Group, held: impl Fn(usize, f64) -> bool) -> bool {
+        let (fixed, free): (Vec<usize>, Vec<usize>) = group.members.iter().partition(|&&i| held(i, x[i]));
+        let square = |of: &[usize]| of.iter().map(|&i| x[i] * x[i]).sum::<f64>();
+        let (left, reach) = (self.cone.powi(2) - square(&fixed), square(&free));
+        if left <= 0.0 || reach <= 0.0 {
+            return false;
+        }
+        let scale = (left / reach).sqrt();
+        free.iter().for_each(|&i| x[i] *= scale);
+        true
+    }
+
     /// Moves `x` into the box.
     pub fn clamp(&self, x: &mut [f64]) {
         for (x, (lower, upper)) in x.iter_mut().zip(self.lower.iter().zip(&self.upper)) {

@@ -35,7 +35,7 @@ pub(super) struct ActiveSet {
     /// Group at the zero of the group lasso.
     zero: Vec<bool>,
     /// Group at the limit of its cone.
-    cone: Vec<bool>,
+    pub(super) cone: Vec<bool>,
 }
 
 /// The polished point; `None` where the loss has no quadratic or the active set does not settle.
@@ -265,12 +265,7 @@ fn hold(model: &Model, set: &mut ActiveSet, u: &mut [f64]) -> bool {
         if set.cone[g] || group.length(u) > model.limits.cone {
             grown |= !set.cone[g];
             set.cone[g] = true;
-            let (held, free): (Vec<usize>, Vec<usize>) = group.members.iter().partition(|&&i| set.held[i]);
-            let left = model.limits.cone.powi(2) - held.iter().map(|&i| u[i] * u[i]).sum::<f64>();
-            let reach = free.iter().map(|&i| u[i] * u[i]).sum::<f64>().sqrt();
-            if reach > 0.0 && left > 0.0 {
-                free.iter().for_each(|&i| u[i] *= left.sqrt() / reach);
-            }
+            model.limits.onto_cone(u, group, |i, _| set.held[i]);
         }
     }
     grown

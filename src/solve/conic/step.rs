@@ -238,7 +238,12 @@ impl Model<'_> {
             if self.penalty.group > 0.0 && reach <= SNAP * size {
                 group.members.iter().for_each(|&i| u[i] = 0.0);
             } else if reach > self.limits.cone {
-                group.members.iter().for_each(|&i| u[i] *= self.limits.cone / reach);
+                // What is at its bound stays there exactly: a hair beside it, its multiplier would count as an error.
+                let limits = self.limits;
+                let at_bound = |i: usize, u: f64| u >= limits.upper[i] || u <= limits.lower[i];
+                if !limits.onto_cone(u, group, at_bound) {
+                    group.members.iter().for_each(|&i| u[i] *= limits.cone / reach);
+                }
             }
         }
     }
