@@ -3,12 +3,18 @@
 use super::correction::{Correction, Numbers, actuated, applied};
 use super::euler::Euler;
 use super::reading::Reading;
+use super::turns::within_one_turn;
 use crate::identify::registration::FreeEnds;
-use crate::model::{Joint, Mechanism};
-use std::f64::consts::{FRAC_PI_2, PI};
+use crate::measure::Point;
+use crate::model::{Joint, Limb, Mechanism, Motion, Prior};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// rad per degree.
 const DEGREE: f64 = PI / 180.0;
+/// Turns in place of rad, and of degrees.
+const REVOLUTIONS: [f64; 2] = [TAU, 360.0];
+/// Targets up to which any two may have been exchanged.
+const TARGETS: usize = 6;
 /// Offsets of homes that come from where an axis counts from, rad.
 const HOMES: [f64; 3] = [FRAC_PI_2, -FRAC_PI_2, PI];
 
@@ -27,6 +33,10 @@ pub(super) fn corrections(mechanism: &Mechanism, data: &[Reading]) -> Vec<Correc
     }
     list.extend(orders(&joints));
     list.extend(signs(&joints));
+    list.extend(hands(mechanism));
+    let wrapped = within_one_turn(&joints, data);
+    list.extend((!wrapped.is_empty()).then_some(Correction::Unwrapped(wrapped)));
+    list.extend(exchanges(mechanism, data));
     if joints.iter().any(|joint| joint.home != 0.0) {
         list.push(Correction::FromHome);
     }
@@ -64,6 +74,10 @@ fn units(joints: &[&Joint], vectors: bool) -> Vec<Correction> {
     if angular {
         list.extend(turns.map(|factor| Correction::ActuatorScale(false, factor)));
         list.extend(turns.into_iter().filter(|_| homes).map(Correction::TurningScale));
+        list.extend(REVOLUTIONS.map(|factor| Correction::ActuatorScale(false, factor)));
+        for (i, _) in joints.iter().enumerate().filter(|(_, joint)| joint.motion.is_angular()) {
+            list.extend(REVOLUTIONS.map(|factor| Correction::OneScale(i, factor)));
+        }
     }
     if sliding {
         list.extend([1e-3, 1e3].map(Correction::LengthScale));
@@ -95,8 +109,40 @@ fn signs(joints: &[&Joint]) -> Vec<Correction> {
         list.push(Correction::Reversed(i, false));
         list.extend((joint.home != 0.0).then_some(Correction::Reversed(i, true)));
     }
-    list.extend((joints.len() > 1).then_some(Correction::AllReversed));
+    list.extend((joints.len() > 1).then_some(Correction::AllReversed(false)));
+    list.extend((joints.len() > 1).then_some(Correction::AllReversed(true)));
     list
+}
+
+/// All screws of the other hand, and each by itself.
+fn hands(mechanism: &Mechanism) -> Vec<Correction> {
+    let screw = |motion: Motion| matches!(motion, Motion::Helical { advance } if advance != 0.0);
+    let of = |(i, limb): (usize, &Limb)| -> Vec<(usize, usize)> {
+        let joints = limb.joints.iter().enumerate().filter(|(_, joint)| screw(joint.motion));
+        joints.map(|(j, _)| (i, j)).collect()
+    };
+    let screws: Vec<(usize, usize)> = mechanism.limbs.iter().enumerate().flat_map(of).collect();
+    let mut list: Vec<Correction> = screws.iter().map(|at| Correction::Handed(vec![*at])).collect();
+    if screws.len() > 1 {
+        list.push(Correction::Handed(screws));
+    }
+    list
+}
+
+/// Two targets whose places are drawn, their names exchanged; those of free ones say nothing.
+fn exchanges(mechanism: &Mechanism, data: &[Reading]) -> Vec<Correction> {
+    let is_free = |k: usize| mechanism.instrument.get(k).is_some_and(|c| c.prior == Prior::Free);
+    let mut targets: Vec<Point> = Vec::new();
+    for target in data.iter().map(|reading| reading.target) {
+        if !target.constants.is_some_and(is_free) && !targets.contains(&target) {
+            targets.push(target);
+        }
+        if targets.len() > TARGETS {
+            break;
+        }
+    }
+    let pairs = targets.iter().enumerate();
+    pairs.flat_map(|(i, a)| targets.iter().skip(i + 1).map(|b| Correction::Exchanged(*a, *b))).collect()
 }
 
 /// A turning joint and one before it in the same limb.
@@ -127,8 +173,9 @@ fn distinct(mechanism: &Mechanism, data: &[Reading], list: Vec<Correction>) -> V
     let numbers = |data: &[Reading]| -> Vec<f64> {
         let of = |r: &Reading| {
             let turn = r.rotation.unwrap_or_default();
-            let (position, turn) = (r.position, turn);
-            r.actuators.iter().copied().chain(position.iter().copied()).chain(turn.iter().copied()).collect()
+            let (position, turn, target) = (r.position, turn, r.target.nominal);
+            let measured = position.iter().chain(turn.iter()).chain(target.iter());
+            r.actuators.iter().chain(measured).copied().collect()
         };
         data.iter().flat_map(|r| -> Vec<f64> { of(r) }).collect()
     };
@@ -141,7 +188,9 @@ fn distinct(mechanism: &Mechanism, data: &[Reading], list: Vec<Correction>) -> V
     for correction in list {
         let Some(changed) = applied(mechanism, &some, std::slice::from_ref(&correction)) else { continue };
         let after = numbers(&changed);
-        let place = correction.numbers() == Numbers::Place;
+        // Turns are counted posture by posture; a few do not tell whether any lacks some.
+        let drawing = matches!(correction, Correction::Handed(_) | Correction::Unwrapped(_));
+        let place = drawing || correction.numbers() == Numbers::Place;
         if place || !same(&before, &after) && !kept.iter().any(|(_, other)| same(other, &after)) {
             kept.push((correction, if place { Vec::new() } else { after }));
         }
@@ -152,6 +201,10 @@ fn distinct(mechanism: &Mechanism, data: &[Reading], list: Vec<Correction>) -> V
 /// Whether the two may stand in one story: neither changes what the other does for good.
 pub(super) fn hold_together(a: &Correction, b: &Correction) -> bool {
     let (once, other) = (a.once(), b.once());
+    // What was read is counted by the machine and the pose as they are.
+    if [a, b].iter().any(|c| matches!(c, Correction::Unwrapped(_))) {
+        return false;
+    }
     let homes = |c: &Correction| match c {
         Correction::Offsets(offsets) => offsets.first().map(|(i, _)| *i),
         _ => None,

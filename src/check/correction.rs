@@ -2,10 +2,13 @@
 
 use super::euler::Euler;
 use super::reading::Reading;
+use super::turns::unwrapped;
 use crate::identify::registration::FreeEnds;
 use crate::lie::so3;
-use crate::model::{Joint, Mechanism};
+use crate::measure::Point;
+use crate::model::{Joint, Mechanism, Motion};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use std::borrow::Cow;
 
 /// A change of the data, or of where the machine stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +19,8 @@ pub enum Correction {
     RotationScale(f64),
     /// Readings of all sliding (true) or turning (false) actuators times a factor.
     ActuatorScale(bool, f64),
+    /// Readings of one turning actuator times a factor.
+    OneScale(usize, f64),
     /// Readings of turning actuators times a factor, and what they read at home.
     TurningScale(f64),
     /// Positions and readings of sliding actuators times a factor.
@@ -38,8 +43,14 @@ pub enum Correction {
     Backwards,
     /// A reading's sign, about zero or about home.
     Reversed(usize, bool),
-    /// Every reading's sign.
-    AllReversed,
+    /// Every reading's sign, about zero or about home.
+    AllReversed(bool),
+    /// Readings of these screws without the whole turns that they made: as many as bring the limb to the measured pose.
+    Unwrapped(Vec<usize>),
+    /// The hand of these screws of the drawing, by limb and joint.
+    Handed(Vec<(usize, usize)>),
+    /// Names of two targets exchanged.
+    Exchanged(Point, Point),
     /// Position columns in another order.
     PositionOrder([usize; 3]),
     /// Readings count from home.
@@ -107,7 +118,8 @@ impl Correction {
             | Correction::QuaternionOrder
             | Correction::Inverted
             | Correction::Euler(..)
-            | Correction::PositionOrder(_) => Numbers::Measured,
+            | Correction::PositionOrder(_)
+            | Correction::Exchanged(..) => Numbers::Measured,
             _ => Numbers::Readings,
         }
     }
@@ -119,6 +131,7 @@ impl Correction {
             Correction::ActuatorScale(sliding, _) => {
                 vec![if *sliding { Once::Sliding } else { Once::Turning }]
             }
+            Correction::OneScale(..) => vec![Once::Turning],
             Correction::TurningScale(_) => vec![Once::Turning, Once::Home],
             Correction::LengthScale(_) => vec![Once::Positions, Once::Sliding],
             Correction::AngleScale(..) => vec![Once::Rotations, Once::Turning],
@@ -132,8 +145,11 @@ impl Correction {
             Correction::FromHome => vec![Once::Home],
             Correction::Elsewhere(_) => vec![Once::Place],
             Correction::Swapped(..)
-            | Correction::AllReversed
+            | Correction::AllReversed(_)
             | Correction::Coupled { .. }
+            | Correction::Unwrapped(_)
+            | Correction::Handed(_)
+            | Correction::Exchanged(..)
             | Correction::Offsets(_) => Vec::new(),
         }
     }
@@ -165,7 +181,11 @@ impl Correction {
                 let reading = q.get_mut(*i)?;
                 *reading = about - *reading;
             }
-            Correction::AllReversed => q.iter_mut().for_each(|reading| *reading = -*reading),
+            Correction::OneScale(i, factor) => *q.get_mut(*i)? *= factor,
+            Correction::AllReversed(about_home) => q.iter_mut().zip(joints).for_each(|(reading, joint)| {
+                let about = if *about_home { 2.0 * joint.home } else { 0.0 };
+                *reading = about - *reading;
+            }),
             Correction::FromHome => q.iter_mut().zip(joints).for_each(|(q, joint)| *q += joint.home),
             Correction::Coupled { joint, by, factor } => {
                 let other = q.get(*by)? - joints.get(*by)?.home;
@@ -208,6 +228,11 @@ impl Correction {
                 let q = Quaternion::new(read.k, read.w, read.i, read.j);
                 turned(reading, UnitQuaternion::from_quaternion(q).to_rotation_matrix().into_inner());
             }
+            Correction::Exchanged(a, b) => match reading.target {
+                target if target == *a => reading.target = *b,
+                target if target == *b => reading.target = *a,
+                _ => {}
+            },
             Correction::Inverted => {
                 let inverse = reading.pose()?.inverse();
                 reading.position = inverse.p;
@@ -228,10 +253,30 @@ pub fn actuated(mechanism: &Mechanism) -> Vec<&Joint> {
 pub fn applied(mechanism: &Mechanism, data: &[Reading], corrections: &[Correction]) -> Option<Vec<Reading>> {
     let joints = actuated(mechanism);
     let mut changed = data.to_vec();
-    for reading in &mut changed {
-        for correction in corrections {
+    for correction in corrections {
+        if let Correction::Unwrapped(which) = correction {
+            changed = unwrapped(&redrawn(mechanism, corrections), &changed, which)?;
+        }
+        for reading in &mut changed {
             correction.apply(reading, &joints)?;
         }
     }
     Some(changed)
+}
+
+/// The drawing with those corrections that are its own.
+pub fn redrawn<'m>(mechanism: &'m Mechanism, corrections: &[Correction]) -> Cow<'m, Mechanism> {
+    let mut drawing = Cow::Borrowed(mechanism);
+    for correction in corrections {
+        let Correction::Handed(screws) = correction else { continue };
+        for (limb, joint) in screws {
+            let limb = drawing.to_mut().limbs.get_mut(*limb);
+            if let Some(Motion::Helical { advance }) =
+                limb.and_then(|limb| limb.joints.get_mut(*joint)).map(|joint| &mut joint.motion)
+            {
+                *advance = -*advance;
+            }
+        }
+    }
+    drawing
 }

@@ -8,15 +8,29 @@ use crate::calibration::{ByPosture, Calibration, Sample};
 use crate::identify::registration::FreeEnds;
 use crate::identify::run::placed;
 use crate::identify::score::score;
-use crate::model::{Mechanism, Prior};
+use crate::model::{Mechanism, Prior, Tolerance};
 use crate::problem::{Form, Problem};
 use crate::solve::map::Map;
 use crate::solve::{Identifier, Stop};
 use crate::statistics::median;
 use std::collections::HashSet;
 
-/// Enough to tell one correction from another.
-const STOP: Stop = Stop { iterations: 12, step: 1e-4, gradient: 1e-6, cost: 1e-4 };
+/// How long a machine is fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Effort {
+    /// Enough to tell most corrections from each other.
+    Short,
+    /// Through valleys, too.
+    Long,
+}
+
+impl Effort {
+    fn stop(self) -> Stop {
+        let iterations = if self == Effort::Short { 12 } else { 60 };
+        Stop { iterations, step: 1e-4, gradient: 1e-6, cost: 1e-4 }
+    }
+}
+
 /// Part of the samples that may be left out because they stand out.
 const LEFT_OUT: f64 = 0.1;
 /// How far they do, in terms of the median posture's residual and of the noise.
@@ -53,23 +67,31 @@ impl Fit {
     }
 }
 
-/// The mechanism with these of its ends free.
+/// The mechanism with these of its ends free, each one motion of all limbs: where a limb stands on the base is as drawn.
 pub(super) fn freed(mechanism: &Mechanism, free: FreeEnds) -> Mechanism {
     let mut mechanism = mechanism.clone();
-    for limb in &mut mechanism.limbs {
-        let last = limb.links.len().saturating_sub(1);
-        for (k, link) in limb.links.iter_mut().enumerate() {
-            if free.base && k == 0 || free.tool && k == last {
-                (link.tolerance.angle, link.tolerance.length) = (Prior::Free, Prior::Free);
-            }
+    let anywhere = Tolerance { angle: Prior::Free, length: Prior::Free };
+    if let [limb] = mechanism.limbs.as_mut_slice() {
+        if let Some(first) = limb.links.first_mut().filter(|_| free.base) {
+            first.tolerance = anywhere;
         }
+        if let Some(last) = limb.links.last_mut().filter(|_| free.tool) {
+            last.tolerance = anywhere;
+        }
+        return mechanism;
+    }
+    if free.base {
+        mechanism.ends.placement = Some(anywhere);
+    }
+    if free.tool {
+        mechanism.ends.tool_mounting = Some(anywhere);
     }
     mechanism
 }
 
-/// Fits the machine to the readings, these ends freed besides its own; `None` where the readings do not place it, or too
-/// few of them close.
-pub(super) fn fit(mechanism: &Mechanism, data: &[Reading], free: FreeEnds) -> Option<Fit> {
+/// Fits the machine to the readings, these ends moved as a whole besides its own free ones; `None` where the readings do not
+/// place it, or too few of them close.
+pub(super) fn fit(mechanism: &Mechanism, data: &[Reading], free: FreeEnds, effort: Effort) -> Option<Fit> {
     let freed = freed(mechanism, free);
     let all: Option<Vec<Sample>> = data.iter().map(|reading| reading.sample(&freed)).collect();
     let all = all?;
@@ -86,7 +108,7 @@ pub(super) fn fit(mechanism: &Mechanism, data: &[Reading], free: FreeEnds) -> Op
         }
         let mut x = problem.coordinates().nearest(&zero);
         if !x.is_empty() {
-            x = Map::default().identify(&problem, &x, &STOP).x;
+            x = Map::default().identify(&problem, &x, &effort.stop()).x;
         }
         let residual = problem.residual(&x).ok()?;
         let keep = kept(&residual, &problem, &samples, all.len());
@@ -109,7 +131,7 @@ pub(super) fn fit(mechanism: &Mechanism, data: &[Reading], free: FreeEnds) -> Op
             position,
             rotation,
             spread: observed.spread[0],
-            moves: observed.spread.iter().zip(&observed.scale).any(|(spread, scale)| spread >= scale),
+            moves: observed.moves(),
             relative: relative.max(turned),
         };
         return square.is_finite().then_some(fit);

@@ -8,6 +8,7 @@ pub mod correction;
 pub mod euler;
 pub mod fit;
 mod homes;
+mod judge;
 pub mod misfit;
 mod observed;
 mod prediction;
@@ -15,6 +16,7 @@ mod ranking;
 pub mod reading;
 pub mod repeats;
 pub mod search;
+mod turns;
 mod words;
 
 pub use comparison::{Compared, compared};

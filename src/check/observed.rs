@@ -61,6 +61,11 @@ impl Observed {
         let scale = [spread[0].max(HARDLY[0] * length), spread[1].max(HARDLY[1])];
         spread.iter().all(|v| v.is_finite()).then_some(Self { seen, loose, spread, scale })
     }
+
+    /// Whether positions or rotations spread as those of a machine that moves.
+    pub fn moves(&self) -> bool {
+        self.spread.iter().zip(&self.scale).any(|(spread, scale)| spread >= scale)
+    }
 }
 
 fn spread(positions: &[Vector3<f64>]) -> f64 {

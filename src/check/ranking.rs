@@ -2,7 +2,7 @@
 
 use super::alignment::align;
 use super::candidates::{corrections, hold_together};
-use super::correction::{Correction, Numbers, actuated, applied};
+use super::correction::{Correction, Numbers, actuated, applied, redrawn};
 use super::homes::Homes;
 use super::observed::Observed;
 use super::prediction::Predictor;
@@ -11,12 +11,16 @@ use crate::identify::registration::FreeEnds;
 use crate::lie::Se3;
 use crate::model::Mechanism;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// Postures by which hypotheses are ranked: of one mistake, and of two.
 const LOOKED_AT: [usize; 2] = [20, 10];
 /// Machines with loops: single mistakes behind which a home is sought.
 const BEHIND: usize = 20;
+/// Offsets from which homes are sought where loops do not close as they are, rad and machine sizes.
+const TURNED: [f64; 4] = [0.4, -0.4, 0.9, -0.9];
+const SHIFTED: [f64; 4] = [0.04, -0.04, 0.1, -0.1];
 /// Part of the largest offset below which an actuator's own is what tolerances make.
 const SMALL: f64 = 0.2;
 
@@ -75,10 +79,15 @@ impl<'a> Ranking<'a> {
         }
         let mut all = self.ranked(&few, two);
         let most = if self.mechanism.is_open_chain() { usize::MAX } else { BEHIND };
-        let before: Vec<&Ranked> =
-            singles.iter().filter(|one| one.corrections.iter().all(|c| c.fitted() == 0)).take(most).collect();
-        let behind: Vec<Vec<Ranked>> =
-            before.into_par_iter().map(|one| self.with_homes(&few, &one.corrections)).collect();
+        let mut before: Vec<&[Correction]> = singles.iter().map(|one| one.corrections.as_slice()).collect();
+        let is_homely = |c: &Correction| matches!(c, Correction::Unwrapped(_)) || c.fitted() > 0;
+        before.retain(|one| !one.iter().any(is_homely));
+        // What could not be ranked, since loops do not close, may be what a wrong home hides.
+        let hidden = self.list.iter().filter(|c| !is_homely(c) && !before.iter().any(|one| one.contains(c)));
+        let hidden: Vec<&[Correction]> = hidden.map(std::slice::from_ref).collect();
+        before.truncate(most);
+        before.extend(hidden);
+        let behind: Vec<Vec<Ranked>> = before.into_par_iter().map(|one| self.with_homes(&few, one)).collect();
         all.extend(behind.into_iter().flatten());
         in_order(all)
     }
@@ -116,9 +125,18 @@ impl<'a> Ranking<'a> {
         }
         let first: Vec<Reading> = of.iter().filter_map(|list| data.get(*list.first()?).cloned()).collect();
         predictions.par_iter_mut().for_each(|(made, tools)| {
-            if let Some(changed) = applied(self.mechanism, &first, &self.corrections(made)) {
-                let variables: Vec<Vec<f64>> = changed.iter().map(|r| r.variables(self.mechanism)).collect();
-                *tools = self.predictor.tools(&variables);
+            let corrections = self.corrections(made);
+            // Turns are counted by what was seen of the tool, of all targets.
+            let counted = matches!(corrections.as_slice(), [Correction::Unwrapped(_)]);
+            let from = if counted { data } else { first.as_slice() };
+            if let Some(changed) = applied(self.mechanism, from, &corrections) {
+                let one_each = of.iter().filter_map(|list| changed.get(*list.first()?));
+                let all: Vec<&Reading> = if counted { one_each.collect() } else { changed.iter().collect() };
+                let variables: Vec<Vec<f64>> = all.iter().map(|r| r.variables(self.mechanism)).collect();
+                *tools = match redrawn(self.mechanism, &corrections) {
+                    Cow::Borrowed(_) => self.predictor.tools(&variables),
+                    Cow::Owned(drawing) => Predictor::new(&drawing).tools(&variables),
+                };
             }
         });
         observations.par_iter_mut().for_each(|(made, observed)| {
@@ -129,6 +147,9 @@ impl<'a> Ranking<'a> {
             .filter_map(|made| {
                 let tools = predictions.get(&self.those(&made, Numbers::Readings))?;
                 let observed = observations.get(&self.those(&made, Numbers::Measured))?.as_ref()?;
+                if !observed.moves() {
+                    return None;
+                }
                 let corrections = self.corrections(&made);
                 let misfit = align(tools, observed, self.ends(&corrections))?.misfit;
                 Some(Ranked { corrections, misfit, plain: made.iter().map(|i| i * i).sum() })
@@ -145,8 +166,10 @@ impl<'a> Ranking<'a> {
         };
         let first = of.iter().filter_map(|list| changed.get(*list.first()?));
         let variables: Vec<Vec<f64>> = first.map(|r| r.variables(self.mechanism)).collect();
+        let drawing = redrawn(self.mechanism, before);
+        let other = matches!(drawing, Cow::Owned(_)).then(|| Predictor::new(&drawing));
         let homes = Homes {
-            predictor: &self.predictor,
+            predictor: other.as_ref().unwrap_or(&self.predictor),
             observed: &observed,
             free: self.free,
             variables: &variables,
@@ -161,7 +184,13 @@ impl<'a> Ranking<'a> {
         let n = self.units.len();
         let mut all: Vec<Ranked> = (0..n)
             .filter_map(|i| {
-                let (offsets, left) = homes.found(&[i], &[0.0])?;
+                let (offsets, left) = homes.found(&[i], &[0.0]).or_else(|| {
+                    // Loops that do not close as they are may close from elsewhere.
+                    let unit = self.units[i];
+                    let starts = if unit == 1.0 { TURNED } else { SHIFTED };
+                    let found = starts.into_iter().filter_map(|start| homes.found(&[i], &[start * unit]));
+                    found.min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit))
+                })?;
                 Some(ranked(&[i], offsets, left.misfit))
             })
             .collect();
@@ -193,8 +222,10 @@ impl<'a> Ranking<'a> {
             let observed = Observed::new(self.mechanism, &changed, &of)?;
             let first = of.iter().filter_map(|list| changed.get(*list.first()?));
             let variables: Vec<Vec<f64>> = first.map(|r| r.variables(self.mechanism)).collect();
+            let drawing = redrawn(self.mechanism, &others);
+            let other = matches!(drawing, Cow::Owned(_)).then(|| Predictor::new(&drawing));
             let homes = Homes {
-                predictor: &self.predictor,
+                predictor: other.as_ref().unwrap_or(&self.predictor),
                 observed: &observed,
                 free: self.ends(corrections),
                 variables: &variables,

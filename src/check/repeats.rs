@@ -1,11 +1,9 @@
 //! Noise from repeated measurements: postures measured more than once with the same readings differ by noise alone.
 
-use super::reading::Reading;
+use super::reading::{Reading, postures};
 use crate::lie::so3;
 use nalgebra::Vector3;
 
-/// Readings that agree to this, relative to their size, are the same.
-const SAME: f64 = 1e-12;
 /// Repeats that scatter by less than this part of the stated noise are one reading, copied.
 const COPIED: f64 = 1e-6;
 
@@ -40,11 +38,18 @@ impl Repeats {
 /// The noise that repeated postures show; `None` where none is repeated.
 pub fn repeats(data: &[Reading]) -> Option<Repeats> {
     let mut groups: Vec<Vec<&Reading>> = Vec::new();
-    for reading in data {
-        let same = |group: &&mut Vec<&Reading>| group.first().is_some_and(|first| equal(first, reading));
-        match groups.iter_mut().find(same) {
-            Some(group) => group.push(reading),
-            None => groups.push(vec![reading]),
+    for posture in postures(data) {
+        // Targets of one posture are different things, each of which may be measured again.
+        let first = groups.len();
+        for reading in posture.iter().filter_map(|k| data.get(*k)) {
+            let of_posture = groups.get_mut(first..).unwrap_or_default();
+            let same = |group: &&mut Vec<&Reading>| {
+                group.first().is_some_and(|other| other.target == reading.target)
+            };
+            match of_posture.iter_mut().find(same) {
+                Some(group) => group.push(reading),
+                None => groups.push(vec![reading]),
+            }
         }
     }
     groups.retain(|group| group.len() > 1);
@@ -66,12 +71,6 @@ pub fn repeats(data: &[Reading]) -> Option<Repeats> {
         length: sigma(position),
         freedom,
     })
-}
-
-fn equal(a: &Reading, b: &Reading) -> bool {
-    a.target == b.target
-        && a.actuators.len() == b.actuators.len()
-        && a.actuators.iter().zip(&b.actuators).all(|(a, b)| (a - b).abs() <= SAME * a.abs().max(b.abs()))
 }
 
 /// Sum of squares about the mean.

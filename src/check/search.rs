@@ -5,8 +5,9 @@
 //! corrected data, and where it does far better than the data as they are and than every other story. What has numbers to
 //! fit with is believed only where no plain mistake does as well.
 
-use super::correction::{Correction, applied};
-use super::fit::{Fit, fit};
+use super::correction::{Correction, applied, redrawn};
+use super::fit::{Effort, Fit, fit};
+use super::judge::{CLOSED, Choice, FAR, Judge, SMALL, Story};
 use super::misfit::misfits;
 use super::observed::{Observed, Seen};
 use super::ranking::{Ranked, Ranking};
@@ -33,32 +34,12 @@ const CLOSE_TO: f64 = 12.0;
 const AS_CLOSE: f64 = 2.5;
 /// [`Fit::size`] above which noise and tolerances do not explain the data.
 const UNEXPLAINED: f64 = 3.0;
-/// [`Fit::size`] up to which a story explains the data.
-const TOLD: f64 = 2.0;
 /// Misfit, in parts of the spread, that tolerances make anyway.
 const CLOSE: f64 = 2e-3;
-/// Error, in parts of the spread, up to which a story explains data whose noise is not stated.
-const CLOSE_UNSTATED: f64 = 1e-2;
-/// Error, in parts of the spread, above which they never do.
-const FAR: f64 = 0.03;
-/// Part of the postures that must close.
-const CLOSED: f64 = 0.8;
-/// Factor by which a correction must lower the size of a fit,
-const FACTOR: f64 = 4.0;
-/// or what it must take off chi-square where the rest is as small as noise and tolerances make it,
-const GAIN: f64 = 20.0;
-/// and more for every number that it fits.
-const GAIN_PER_NUMBER: f64 = 6.0;
-/// [`Fit::size`] of such a rest.
-const SMALL: f64 = 1.5;
-/// Chi-square by which a story must be better than another one, in units of what is left.
-const APART: f64 = 30.0;
-/// The same as a factor on the size of the fit, where the fit leaves more than noise and tolerances explain.
-const APART_BY: f64 = 1.5;
-/// Most stories of which any may be the true one.
-const ALTERNATIVES: usize = 8;
-/// Difference of offsets, rad or m, that is none.
-const SAME: f64 = 0.02;
+/// [`Fit::size`] below which a fit may have more to gain from further steps,
+const SETTLING: f64 = 8.0;
+/// for so many stories, the best ones.
+const SETTLED: usize = 5;
 /// Second singular value of places, in parts of the first, below which they lie on a line.
 const LINE: f64 = 0.02;
 /// Rotations below which a machine does not tell its ends apart, rad.
@@ -94,22 +75,6 @@ pub struct Finding {
     pub fits: [Option<Fit>; 2],
 }
 
-/// A story with the machine fitted to what it makes of the data.
-#[derive(Clone, Debug)]
-struct Story {
-    corrections: Vec<Correction>,
-    plain: usize,
-    /// Numbers that the machine has beyond those of the drawing.
-    freed: usize,
-    fit: Fit,
-}
-
-impl Story {
-    fn fitted(&self) -> usize {
-        self.corrections.iter().map(Correction::fitted).sum()
-    }
-}
-
 /// The machine and the data with these corrections, ends that are free registered.
 pub fn corrected(
     mechanism: &Mechanism,
@@ -117,6 +82,7 @@ pub fn corrected(
     corrections: &[Correction],
 ) -> Option<(Mechanism, Vec<Reading>)> {
     let data = applied(mechanism, data, corrections)?;
+    let mechanism = &*redrawn(mechanism, corrections);
     let free = elsewhere(FreeEnds::of(mechanism), corrections);
     let targets = data.iter().any(|reading| reading.target.constants.is_some());
     if !(free.base || free.tool || targets) {
@@ -146,7 +112,7 @@ pub fn search(mechanism: &Mechanism, data: &[Reading], limit: f64, stated: bool)
             .unwrap_or(f64::INFINITY)
     };
     let before = misfit(&[]);
-    let none = fit(mechanism, &chosen, FreeEnds { base: false, tool: false });
+    let none = fit(mechanism, &chosen, FreeEnds { base: false, tool: false }, Effort::Long);
     let finding = |verdict| Finding {
         verdict,
         before,
@@ -190,27 +156,15 @@ fn story(mechanism: &Mechanism, data: &[Reading], judge: &Judge) -> Option<(Stor
     let ranking = Ranking::new(mechanism, data);
     let singles = ranking.singles(data);
     let one = judge.chosen(&tried(mechanism, data, &ranking, &singles, judge));
-    if let Some((story, _)) = &one
-        && story.fit.size() <= SMALL
-    {
-        return one;
-    }
+    let explained = matches!(&one, Choice::Told(story, _) if story.fit.size() <= SMALL);
     // What is nearly explained has no two mistakes in it.
-    if judge.stated
-        && judge.none.as_ref().is_some_and(|fit| fit.size() <= UNEXPLAINED && fit.closed >= CLOSED)
-    {
-        return one;
+    let nearly = judge.stated
+        && judge.none.as_ref().is_some_and(|fit| fit.size() <= UNEXPLAINED && fit.closed >= CLOSED);
+    if explained || nearly {
+        return Choice::told(one, Choice::Nothing);
     }
     let pairs = ranking.pairs(data, &singles);
-    let two = judge.chosen(&tried(mechanism, data, &ranking, &pairs, judge));
-    match (one, two) {
-        // One mistake more has to earn it.
-        (Some(one), Some(two)) => {
-            let better = one.0.fit.size() >= APART_BY * two.0.fit.size();
-            Some(if better { two } else { one })
-        }
-        (one, two) => one.or(two),
-    }
+    Choice::told(one, judge.chosen(&tried(mechanism, data, &ranking, &pairs, judge)))
 }
 
 /// The machine fitted to what the best hypotheses make of the data: all that may be as good as the best story.
@@ -235,6 +189,7 @@ fn tried(
             stories.push(story);
         }
     }
+    settle(mechanism, data, &mut stories);
     stories
 }
 
@@ -242,82 +197,27 @@ fn told(mechanism: &Mechanism, data: &[Reading], ranking: &Ranking<'_>, ranked: 
     let corrections = ranking.refined(data, &ranked.corrections);
     let changed = applied(mechanism, data, &corrections)?;
     let ends = elsewhere(FreeEnds { base: false, tool: false }, &corrections);
-    let fit = fit(mechanism, &changed, ends)?;
-    let freed = |c: &Correction| match c {
-        Correction::Elsewhere(_) => c.fitted() * mechanism.limbs.len(),
-        _ => c.fitted(),
+    let fit = fit(&redrawn(mechanism, &corrections), &changed, ends, Effort::Short)?;
+    Some(Story { corrections, plain: ranked.plain, fit })
+}
+
+/// The best stories that explain nothing so far, fitted with more steps: valleys of machines with loops are long, and one
+/// that ends early is no worse than those that do as well.
+fn settle(mechanism: &Mechanism, data: &[Reading], stories: &mut [Story]) {
+    let unsettled = |story: &&mut Story| {
+        story.fit.moves && story.fit.relative <= FAR && (SMALL..SETTLING).contains(&story.fit.size())
     };
-    let freed = corrections.iter().map(freed).sum();
-    Some(Story { corrections, plain: ranked.plain, freed, fit })
-}
-
-/// What a story has to do to be told.
-struct Judge {
-    /// The machine fitted to the data as they are.
-    none: Option<Fit>,
-    /// Whether the noise is stated.
-    stated: bool,
-}
-
-impl Judge {
-    fn explains(&self, fit: &Fit) -> bool {
-        let small = match self.stated {
-            true => fit.size() <= TOLD,
-            false => fit.relative <= CLOSE_UNSTATED,
-        };
-        small && fit.moves && fit.relative <= FAR && fit.closed >= CLOSED
-    }
-
-    fn is_better(&self, story: &Story) -> bool {
-        let Some(none) = self.none.as_ref().filter(|none| none.closed >= 0.5) else { return true };
-        let fit = &story.fit;
-        let per_row = |fit: &Fit| fit.square / fit.rows.max(1) as f64;
-        let gain = (per_row(none) - per_row(fit)) * fit.rows as f64;
-        none.size() >= FACTOR * fit.size()
-            || self.stated
-                && fit.size() <= SMALL
-                && gain >= (GAIN + GAIN_PER_NUMBER * story.fitted() as f64) * fit.size().max(1.0).powi(2)
-    }
-
-    fn accepts(&self, story: &Story) -> bool {
-        self.explains(&story.fit) && self.is_better(story)
-    }
-
-    /// The story that explains the data, and others that would do as well; `None` where there is none, or too many.
-    fn chosen(&self, stories: &[Story]) -> Option<(Story, Vec<Story>)> {
-        let good: Vec<&Story> = stories.iter().filter(|story| self.accepts(story)).collect();
-        let best = good.iter().min_by(|a, b| a.fit.size().total_cmp(&b.fit.size()))?;
-        let as_good = |story: &&&Story| {
-            let unit = best.fit.size().max(1.0).powi(2);
-            let per_row = (story.fit.size().powi(2) - best.fit.size().powi(2)) / unit;
-            // What is freed takes its prior off chi-square whether it was wrong or not.
-            let freed = 2.0 * best.freed.saturating_sub(story.freed) as f64;
-            per_row * best.fit.rows as f64 <= APART + freed
-                || best.fit.size() > SMALL && story.fit.size() <= APART_BY * best.fit.size()
-        };
-        let equals: Vec<&Story> = good.iter().filter(as_good).copied().collect();
-        let plainest = equals.iter().min_by_key(|s| (s.fitted(), s.plain))?;
-        let mut others: Vec<Story> = Vec::new();
-        for story in equals.iter().filter(|s| s.fitted() == plainest.fitted()) {
-            let told = |other: &Story| same(&other.corrections, &story.corrections);
-            if !told(plainest) && !others.iter().any(told) {
-                others.push((*story).clone());
-            }
+    let mut best: Vec<&mut Story> = stories.iter_mut().filter(unsettled).collect();
+    best.sort_by(|a, b| a.fit.size().total_cmp(&b.fit.size()));
+    best.truncate(SETTLED);
+    best.into_par_iter().for_each(|story| {
+        let ends = elsewhere(FreeEnds { base: false, tool: false }, &story.corrections);
+        let longer = applied(mechanism, data, &story.corrections)
+            .and_then(|changed| fit(&redrawn(mechanism, &story.corrections), &changed, ends, Effort::Long));
+        if let Some(longer) = longer.filter(|longer| longer.size() < story.fit.size()) {
+            story.fit = longer;
         }
-        (others.len() < ALTERNATIVES).then(|| ((*plainest).clone(), others))
-    }
-}
-
-/// Whether two stories are one, offsets of homes as far as data tell them.
-fn same(a: &[Correction], b: &[Correction]) -> bool {
-    let close = |(a, b): (&Correction, &Correction)| match (a, b) {
-        (Correction::Offsets(a), Correction::Offsets(b)) => {
-            a.len() == b.len()
-                && a.iter().zip(b).all(|((i, v), (j, w))| i == j && (v - w).abs() <= SAME * (1.0 + v.abs()))
-        }
-        (a, b) => a == b,
-    };
-    a.len() == b.len() && a.iter().zip(b).all(close)
+    });
 }
 
 /// Whether the postures do not tell where free ends stand: hardly turned, and all places on a line.

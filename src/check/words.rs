@@ -2,19 +2,27 @@
 
 use super::correction::Correction;
 use crate::identify::registration::FreeEnds;
+use crate::measure::Point;
 use crate::model::Mechanism;
+use std::f64::consts::TAU;
 
 fn lengths(factor: f64) -> &'static str {
     if factor < 1.0 { "mm where the file means m" } else { "m where the file means mm" }
 }
 
 fn angles(factor: f64) -> &'static str {
+    if factor == TAU {
+        return "turns where the file means rad";
+    }
+    if factor == 360.0 {
+        return "turns where the file means degrees";
+    }
     if factor < 1.0 { "degrees where the file means rad" } else { "rad where the file means degrees" }
 }
 
 impl Correction {
-    /// One sentence without its stop.
-    pub fn words(&self, mechanism: &Mechanism) -> String {
+    /// One sentence without its stop; `target` names a target.
+    pub fn words(&self, mechanism: &Mechanism, target: &dyn Fn(&Point) -> String) -> String {
         let names = mechanism.actuator_names();
         let name = |i: &usize| names.get(*i).cloned().unwrap_or_default();
         match self {
@@ -28,6 +36,7 @@ impl Correction {
             Correction::ActuatorScale(false, f) => {
                 format!("readings of turning actuators look like {}", angles(*f))
             }
+            Correction::OneScale(i, f) => format!("readings of {} look like {}", name(i), angles(*f)),
             Correction::TurningScale(f) => {
                 format!("readings of turning actuators and their \"home\" look like {}", angles(*f))
             }
@@ -79,8 +88,32 @@ impl Correction {
             Correction::Reversed(i, true) => {
                 format!("{} looks reversed about its home: turn its axis round", name(i))
             }
-            Correction::AllReversed => {
+            Correction::AllReversed(false) => {
                 "all actuators look reversed: negate the readings, or the axes".to_owned()
+            }
+            Correction::AllReversed(true) => {
+                "all actuators look reversed about their homes: turn their axes round".to_owned()
+            }
+            Correction::Unwrapped(which) => {
+                let all: Vec<String> = which.iter().map(name).collect();
+                format!(
+                    "readings of {} look counted within one turn: write them with the whole turns that the screw made",
+                    all.join(", ")
+                )
+            }
+            Correction::Handed(screws) => {
+                let named = |(limb, joint): &(usize, usize)| {
+                    let limb = mechanism.limbs.get(*limb)?;
+                    Some(format!("{}.{}", limb.name, limb.joints.get(*joint)?.name))
+                };
+                let all: Vec<String> = screws.iter().filter_map(named).collect();
+                let (looks, its) = if all.len() == 1 { ("looks", "its") } else { ("look", "their") };
+                format!("{} {looks} of the other hand than drawn: negate {its} \"pitch\"", all.join(", "))
+            }
+            Correction::Exchanged(a, b) => {
+                let mut both = [target(a), target(b)];
+                both.sort();
+                format!("targets {} look exchanged: exchange their names", both.join(" and "))
             }
             Correction::PositionOrder(order) => {
                 let columns = order.map(|i| ["x", "y", "z"][i]).join(", ");

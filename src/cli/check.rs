@@ -1,7 +1,7 @@
 //! `gough check`: whether a problem means what it should.
 
 use super::check_misfit::{misfit, others};
-use super::check_noise::stated_noise;
+use super::check_stated::Stated;
 use super::dispatch::Ending;
 use super::elsewhere::words;
 use super::error::CliError;
@@ -18,6 +18,7 @@ use crate::measure::{Clue, Point};
 use crate::model::mobility;
 use crate::model::mobility::near_singular_home;
 use nalgebra::{Matrix6, Vector3};
+use std::cell::OnceCell;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -58,11 +59,14 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
         actuators(&problem, &all, &mut text);
         suspicious |= size(&problem, &mut text);
         suspicious |= with_spinner(format!("checking {}", problem.name), || {
-            let poses =
-                !data.is_empty() && (noise(&problem, &data, &mut text) | misfit(&problem, &data, &mut text));
+            let once = OnceCell::new();
+            let stated = || once.get_or_init(|| Stated::of(&problem)).as_ref();
+            let poses = !data.is_empty()
+                && (noise(&problem, &data, &mut text) | misfit(&problem, &data, &stated, &mut text));
             let others = others(&problem, &data, &mut text);
             // Mistakes of the drawing spoil what an identification would say.
-            poses | others || modes(&problem, &mut text) | stated_noise(&problem, &mut text)
+            poses | others
+                || modes(&problem, &mut text) | stated().is_some_and(|stated| stated.say(&mut text))
         });
     }
     if !suspicious {

@@ -1,5 +1,6 @@
 //! What `gough check` says of how far the drawing is from the data.
 
+use super::check_stated::Stated;
 use super::wording::{counted, listed};
 use crate::calibration::Sample;
 use crate::check::comparison::POSITION;
@@ -23,6 +24,8 @@ const WORST: usize = 3;
 const OUTSTANDING: f64 = 3.0;
 /// Postures below which none can stand out.
 const FEW: usize = 4;
+/// Size of a fit of the data as they are up to which noise or tolerances may be what is stated wrongly.
+const MODEST: f64 = 100.0;
 /// Tolerance that stands in where none is stated, rad and machine sizes.
 const USUAL: f64 = 3e-3;
 /// Error in machine sizes or rad above which something is wrong, whatever the tolerances: of the median reading that is
@@ -45,22 +48,37 @@ fn with_tolerances(problem: &ProblemFile) -> Mechanism {
     mechanism
 }
 
-/// How far the drawing is from poses and positions, and which mistake would explain it; whether there is one.
-pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String) -> bool {
+/// Whether the noise and the tolerances that are stated explain what `finding` found, once they are restated.
+///
+/// A story that brings the data within them as they stand needs no others; one that does not is none where these do.
+fn explained_by<'a>(finding: &Finding, stated: &dyn Fn() -> Option<&'a Stated>) -> bool {
+    let within = |fit: &Fit| fit.size() <= 1.0 + 5.0 / (2.0 * fit.rows.max(1) as f64).sqrt();
+    let told = finding.verdict == Verdict::Named && finding.fits[1].as_ref().is_some_and(within);
+    !told && stated().is_some_and(|stated| stated.explains)
+}
+
+/// How far the drawing is from poses and positions, and which mistake would explain it; whether there is one. `stated` is
+/// what an identification says of noise and tolerances.
+pub(super) fn misfit<'a>(
+    problem: &ProblemFile,
+    data: &[Reading],
+    stated: &dyn Fn() -> Option<&'a Stated>,
+    text: &mut String,
+) -> bool {
     let mechanism = &with_tolerances(problem);
-    let stated = problem.require_tolerances().is_ok();
+    let drawn = problem.require_tolerances().is_ok();
     let position_only = data.iter().all(|reading| reading.rotation.is_none());
     let explained = expected(mechanism, problem.data.noise.as_ref(), position_only);
     let size = mechanism.characteristic_length();
     let free = has_free_links(mechanism);
-    let limit = match (stated, free) {
+    let limit = match (drawn, free) {
         (false, _) => UNSTATED * size,
         (true, true) => explained.median.max(FAR * size),
         (true, false) => explained.median,
     };
-    let single = if stated { explained.single.max(limit) } else { OUTSTANDING * limit };
+    let single = if drawn { explained.single.max(limit) } else { OUTSTANDING * limit };
     let shown = |metres: f64| length_in(problem.units, metres);
-    let finding = search(mechanism, data, limit, stated && problem.data.has_noise());
+    let finding = search(mechanism, data, limit, drawn && problem.data.has_noise());
     // As the median is: with free ends where the data place them.
     let all = corrected(mechanism, data, &[])
         .map_or_else(|| misfits(mechanism, data), |(mechanism, data)| misfits(&mechanism, &data));
@@ -69,7 +87,7 @@ pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String)
         "\ndrawing against {}: median {}; {} {} (rotations count with the machine's size, {})",
         if position_only { "positions" } else { "poses" },
         shown(finding.before),
-        match (stated, free) {
+        match (drawn, free) {
             (false, _) => "no tolerances are stated; 1 % of the size would explain up to",
             (true, true) => "\"free\" links explain any misfit of theirs; mistakes are sought above",
             (true, false) => "tolerances and noise explain up to",
@@ -90,6 +108,10 @@ pub(super) fn misfit(problem: &ProblemFile, data: &[Reading], text: &mut String)
     };
     let _ = writeln!(text, "  {placed}: {}", worst.collect::<Vec<_>>().join(", "));
     let mistaken = finding.verdict != Verdict::Explained;
+    let modest = finding.fits[0].as_ref().is_some_and(|fit| fit.size() <= MODEST);
+    if mistaken && modest && explained_by(&finding, stated) {
+        return stated().is_some_and(|stated| stated.say(text));
+    }
     if mistaken {
         text.push('\n');
         words(problem, &finding, text);
@@ -124,6 +146,7 @@ fn length_in(units: Units, metres: f64) -> String {
 
 fn words(problem: &ProblemFile, finding: &Finding, text: &mut String) {
     let mechanism = &problem.mechanism;
+    let target = |point: &Point| target_name(problem, point);
     match finding.verdict {
         Verdict::Unplaced => text.push_str(
             "suspicious: the data do not fit the drawing, and they do not tell where its free base stands: the tool hardly \
@@ -133,11 +156,11 @@ fn words(problem: &ProblemFile, finding: &Finding, text: &mut String) {
         Verdict::Named => {
             let one = if finding.alternatives.is_empty() { "" } else { "one of several that the data do not tell apart: " };
             for correction in &finding.corrections {
-                let _ = writeln!(text, "suspicious: {one}{}", correction.words(mechanism));
+                let _ = writeln!(text, "suspicious: {one}{}", correction.words(mechanism, &target));
                 homes(problem, correction, text);
             }
             for other in &finding.alternatives {
-                let all: Vec<String> = other.iter().map(|c| c.words(mechanism)).collect();
+                let all: Vec<String> = other.iter().map(|c| c.words(mechanism, &target)).collect();
                 let _ = writeln!(text, "  or: {}", all.join("; and "));
                 other.iter().for_each(|correction| homes(problem, correction, text));
             }
@@ -185,6 +208,18 @@ fn words(problem: &ProblemFile, finding: &Finding, text: &mut String) {
         }
         [None, None] => {}
     }
+}
+
+/// What the file calls a target.
+fn target_name(problem: &ProblemFile, point: &Point) -> String {
+    let instrument = problem.drawing.data.as_ref().and_then(|data| data.instrument.as_ref());
+    let is = |offset: &[f64; 3]| {
+        let at = offset.map(|v| problem.units.to_metres(v));
+        at.iter().zip(point.nominal.iter()).all(|(a, b)| (a - b).abs() <= 1e-12 * (a.abs() + b.abs()))
+    };
+    let targets = instrument.into_iter().flat_map(|instrument| &instrument.targets);
+    let mut named = targets.filter(|(_, target)| target.offset.as_ref().is_some_and(is));
+    named.next().map_or_else(|| "?".to_owned(), |(name, _)| name.clone())
 }
 
 /// What actuators should read at home, where these are offset.

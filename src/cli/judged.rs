@@ -131,7 +131,7 @@ impl Summary<'_> {
 }
 
 /// A posture that stands out, and what explains it, in units of the file.
-fn outlier(named: &NamedOutlier, units: Units) -> String {
+pub(super) fn outlier(named: &NamedOutlier, units: Units) -> String {
     let NamedOutlier { outlier, cause } = named;
     let why = match cause {
         RowCause::Reading { joint, angular, amount } => {

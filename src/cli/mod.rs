@@ -5,7 +5,7 @@ pub mod analyze;
 mod at;
 pub mod check;
 mod check_misfit;
-mod check_noise;
+mod check_stated;
 pub mod command;
 pub mod compare;
 mod details;

@@ -84,7 +84,7 @@ pub(super) fn warning(of: &Summary<'_>) -> Option<String> {
 }
 
 /// Whether tolerances so many times as large are beyond what a drawing may be off by.
-fn is_absurd(problem: &ProblemFile, factor: f64) -> bool {
+pub(super) fn is_absurd(problem: &ProblemFile, factor: f64) -> bool {
     let size = problem.mechanism.characteristic_length();
     let links = problem.mechanism.limbs.iter().flat_map(|limb| &limb.links).map(pair);
     let relative = links.flat_map(|(angle, length)| [angle, length.map(|v| v / size)]).flatten();
@@ -92,7 +92,7 @@ fn is_absurd(problem: &ProblemFile, factor: f64) -> bool {
 }
 
 /// What to write into the file.
-fn restated(problem: &ProblemFile, factor: f64) -> String {
+pub(super) fn restated(problem: &ProblemFile, factor: f64) -> String {
     let units = problem.units;
     let links = problem.mechanism.limbs.iter().flat_map(|limb| &limb.links);
     let mut stated: Vec<(Option<f64>, Option<f64>)> = Vec::new();
