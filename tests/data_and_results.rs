@@ -3,6 +3,7 @@
 mod spoiled;
 
 use gough::files::UncertaintyDrawing;
+use gough::files::elsewhere::ElsewhereEntry;
 use gough::files::noise::{NoiseDrawing, PostureNoiseEntry, assumed_noise};
 use gough::files::problem::{PROBLEM_FORMAT, ProblemDrawing, parse_model, parse_problem};
 use gough::files::result::RESULT_FORMAT;
@@ -187,6 +188,7 @@ fn result(read: &ProblemFile) -> ResultFile {
         holdout_set_aside: Vec::new(),
         set_aside: Vec::new(),
         unused: Vec::new(),
+        measured_elsewhere: Some(ElsewhereEntry { samples: 1, of: 3 }),
         active_bounds: Vec::new(),
         kkt: None,
         estimate: Some(EstimateEntry::Split(1.0)),
