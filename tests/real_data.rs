@@ -118,7 +118,9 @@ fn tracked(problem: &str, data: &str, joints: usize) -> [(f64, f64); 2] {
     let (result, warned) = identified(problem, &data_dir, "", &out);
     // What the joints do beyond the model is seen.
     assert!(
-        warned.lines().count() == 1 && warned.contains("errors follow the reading of arm.joint"),
+        warned.lines().count() == 1
+            && warned.contains("errors follow the reading of")
+            && warned.contains("arm.joint"),
         "{warned}"
     );
     let offset: Vec<f64> = (0..3).map(|i| result["instrument"][i]["value"].as_f64().unwrap()).collect();

@@ -197,9 +197,8 @@ pub fn run(args: &Args) -> Result<Ending, CliError> {
     match &output {
         None => Output::Stdout.write(text.as_bytes())?,
         Some(output) => {
-            let sealed = report.file().sealed().and_then(|file| json::text(&file));
-            let bytes =
-                sealed.map_err(|why| CliError::Usage(format!("the result cannot be written: {why}")))?;
+            let bytes = json::text(&report.file())
+                .map_err(|why| CliError::Usage(format!("the result cannot be written: {why}")))?;
             output.write(&bytes)?;
             match output {
                 Output::Stdout => eprint!("{text}"),

@@ -148,7 +148,6 @@ impl Summary<'_> {
             uncertainty: self.uncertainty(&mechanism),
             mechanism,
             versions: [("gough".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
-            digest: None,
         }
     }
 

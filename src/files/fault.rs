@@ -12,11 +12,6 @@ pub enum Fault {
     Write(String),
     #[error("is read by this run and would be overwritten by its output; give -o another name")]
     InputAndOutput,
-    #[error(
-        "this result was changed after it was written: its numbers are not those that it was sealed with; take the file \
-         as it was written, identify again, or state its mechanism in a problem file"
-    )]
-    Edited,
     #[error("the file is empty")]
     Empty,
     #[error("larger than {0} MB: this is no such file")]

@@ -208,7 +208,7 @@ pub fn parse_model(path: &Path, bytes: &[u8]) -> Result<Model, FileError> {
             (problem.name.unwrap_or_else(|| stem(path)), problem.units, problem.mechanism, columns, None)
         }
         Some(RESULT_FORMAT) => {
-            let result = ResultFile::parse(&file, bytes)?;
+            let result: ResultFile = json::parse(&file, bytes)?;
             converged = result.converged;
             elsewhere = result.measured_elsewhere;
             let values = result.instrument.into_iter().map(|constant| (constant.name, constant.value));

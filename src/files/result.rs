@@ -16,7 +16,6 @@ use super::uncertainty::UncertaintyDrawing;
 use super::units::Units;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -124,73 +123,6 @@ pub struct ResultFile {
     pub uncertainty: Option<UncertaintyDrawing>,
     /// Of the programs that made this.
     pub versions: BTreeMap<String, String>,
-    /// Seal: [`digest`](Self::digest) of everything else but words and names of files; `None` in results from before
-    /// there was one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub digest: Option<String>,
-}
-
-/// What may be changed without another result: words, and where files lie.
-const UNSEALED: [&str; 6] = ["digest", "problem", "source", "reason", "warnings", "versions"];
-
-impl ResultFile {
-    /// The result with its seal.
-    pub fn sealed(self) -> Result<Self, serde_json::Error> {
-        let digest = Some(digest(&serde_json::to_value(&self)?));
-        Ok(Self { digest, ..self })
-    }
-
-    /// The result that `bytes` of the file called `file` hold.
-    ///
-    /// The machine of a result is its drawing with its deviations, of which it does not hold the drawing. So what was
-    /// changed in machine, units or deviations cannot be seen from one another, only from the seal: where there is one, it
-    /// must be that of the numbers.
-    pub fn parse(file: &str, bytes: &[u8]) -> Result<Self, FileError> {
-        let result: Self = json::parse(file, bytes)?;
-        if let Some(seal) = &result.digest
-            && *seal != digest(&json::parse(file, bytes)?)
-        {
-            return Err(Place::file(file).key("digest").error(Fault::Edited));
-        }
-        Ok(result)
-    }
-}
-
-/// SHA-256 of a result, its first 16 hexadecimal digits: of values, whatever their order, layout and spelling.
-fn digest(result: &Value) -> String {
-    let mut hash = Sha256::new();
-    for (key, value) in result.as_object().into_iter().flatten().collect::<BTreeMap<_, _>>() {
-        if !UNSEALED.contains(&key.as_str()) {
-            text(&mut hash, key);
-            feed(&mut hash, value);
-        }
-    }
-    hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
-}
-
-fn feed(hash: &mut Sha256, value: &Value) {
-    match value {
-        Value::Null => hash.update("n"),
-        Value::Bool(value) => hash.update(if *value { "t" } else { "f" }),
-        // A program that rewrites JSON may write 1 for 1.0 and 0 for -0.0.
-        Value::Number(number) => hash.update((number.as_f64().unwrap_or(f64::NAN) + 0.0).to_le_bytes()),
-        Value::String(value) => text(hash, value),
-        Value::Array(values) => {
-            hash.update(format!("[{}", values.len()));
-            values.iter().for_each(|value| feed(hash, value));
-        }
-        Value::Object(values) => {
-            hash.update(format!("{{{}", values.len()));
-            for (key, value) in values.iter().collect::<BTreeMap<_, _>>() {
-                text(hash, key);
-                feed(hash, value);
-            }
-        }
-    }
-}
-
-fn text(hash: &mut Sha256, text: &str) {
-    hash.update(format!("\"{}:{text}", text.len()));
 }
 
 /// Reads a result file.
@@ -208,7 +140,7 @@ pub fn read_result(path: &Path) -> Result<ResultFile, FileError> {
             .key("format")
             .error(Fault::Format { found, expected: "\"format\": \"gough-result/1\"" }));
     }
-    ResultFile::parse(&file, &bytes)
+    json::parse(&file, &bytes)
 }
 
 #[derive(Deserialize)]
