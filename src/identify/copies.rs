@@ -70,7 +70,9 @@ impl Written {
 fn decimals(value: f64) -> Option<i32> {
     (0..=DECIMALS).find(|k| {
         let scaled = value * 10f64.powi(*k);
-        (scaled - scaled.round()).abs() <= 4.0 * ROUNDING * scaled.abs().max(1.0)
+        let rounding = 4.0 * ROUNDING * scaled.abs().max(1.0);
+        // On a grid that fine every number lies on it.
+        rounding < 0.01 && (scaled - scaled.round()).abs() <= rounding
     })
 }
 

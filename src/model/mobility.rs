@@ -1,8 +1,8 @@
 //! Whether a drawing is a machine that this model describes: neither over-constrained nor under-actuated.
 
 use super::closure::NotClosed;
-use super::limb::Prior;
-use super::mechanism::{Geometry, Mechanism};
+use super::limb::{Prior, Tolerance};
+use super::mechanism::{Ends, Geometry, Mechanism};
 use super::posture::{ITERATIONS, Posture};
 use crate::lie::Se3;
 use nalgebra::{DMatrix, DVector};
@@ -132,6 +132,15 @@ fn check_parts(mechanism: &Mechanism, geometry: &Geometry) -> Result<(), Mobilit
     if mechanism.limbs.is_empty() {
         return refuse("an empty list of limbs", "there is none".into());
     }
+    let usable = |prior: Prior| !matches!(prior, Prior::Sigma(sigma) if !(sigma > 0.0 && sigma.is_finite()));
+    let both = |tolerance: Tolerance| usable(tolerance.angle) && usable(tolerance.length);
+    let Ends { placement, tool_mounting } = mechanism.ends;
+    if ![placement, tool_mounting].into_iter().flatten().all(both) {
+        return refuse(
+            "the machine",
+            "the tolerance of its placement or tool mounting is no positive number".into(),
+        );
+    }
     for (i, limb) in mechanism.limbs.iter().enumerate() {
         let (joints, links) = (limb.joints.len(), geometry.limbs.get(i).map_or(0, Vec::len));
         if joints == 0 || links != joints + 1 || links != limb.links.len() {
@@ -145,9 +154,7 @@ fn check_parts(mechanism: &Mechanism, geometry: &Geometry) -> Result<(), Mobilit
             return refuse(&limb.name, "a joint or a link is not finite".into());
         }
         for link in &limb.links {
-            let usable =
-                |prior: Prior| !matches!(prior, Prior::Sigma(sigma) if !(sigma > 0.0 && sigma.is_finite()));
-            if !usable(link.tolerance.angle) || !usable(link.tolerance.length) {
+            if !both(link.tolerance) {
                 return refuse(
                     &limb.name,
                     format!("the tolerance of link {} is no positive number", link.name),

@@ -11,6 +11,8 @@ use crate::problem::{Problem, cost};
 
 /// Part of the iterations, one in so many, that Levenberg's method has.
 const FIRST: usize = 4;
+/// Iterations that it has at least.
+const LEAST: usize = 12;
 
 /// `min |r(x)|^2 + weight |x|^2` with x in tolerances: at weight 1 the Bayesian estimate for Gaussian noise and
 /// tolerances (docs/theory.md section 6). Steps are accepted on this merit, not on the linear model.
@@ -61,8 +63,8 @@ impl Identifier for Map {
 }
 
 /// The optimum under the full prior times `weight`, from `start`; `report` is of the estimate. Far from it the radius of
-/// Levenberg's method is what leads there. Where it creeps, the last way is left to steps that know the curvature of flat
-/// valleys.
+/// Levenberg's method is what leads there. After a part of the iterations the rest is left to steps that know the curvature of
+/// flat valleys.
 pub(super) fn ridge(
     problem: &dyn Problem,
     weight: f64,
@@ -70,7 +72,7 @@ pub(super) fn ridge(
     stop: &Stop,
     report: Report,
 ) -> Report {
-    let first = Stop { iterations: stop.iterations.div_ceil(FIRST), ..*stop };
+    let first = Stop { iterations: stop.iterations.div_ceil(FIRST).max(LEAST).min(stop.iterations), ..*stop };
     let found = minimise(&Anchored::ridge(problem, weight), start, &first);
     let report = Report { x: found.x, outcome: found.outcome, trace: found.trace, ..report };
     if report.outcome == Outcome::OutOfIterations {

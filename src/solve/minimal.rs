@@ -21,9 +21,9 @@ use crate::problem::{Compressed, EvalError, Problem};
 /// threshold cannot make it swing.
 ///
 /// A step that a curved valley spoils is corrected before it is damped. After fifteen iterations the weak directions have
-/// the curvature of the merit itself, which second derivatives of the residual decide there. Where the iteration ends nowhere all the same,
-/// valleys that the prior leaves to the data lead out of reach: then the full prior stands on every direction, as `map`
-/// has it.
+/// the curvature of the merit itself, which second derivatives of the residual decide there. Where the iteration ends
+/// nowhere all the same, valleys that the prior leaves to the data lead out of reach: then the full prior stands on every
+/// direction, as `map` has it.
 #[derive(Clone, Copy, Debug)]
 pub struct Minimal {
     /// Signal-to-noise ratio above which a direction is kept.
@@ -62,6 +62,9 @@ const NOTHING: f64 = 1e-12;
 const NEAR: f64 = 0.3;
 /// Iterations after which weak directions get the curvature that a linear model does not have.
 const SLOW: usize = 15;
+/// Residual, standard deviations a reading in the root mean square, up to which it is asked for: beyond, as where a gross error
+/// pulls, the residual bends the merit everywhere, and that says nothing of the way.
+const SPOILED: f64 = 10.0;
 /// Ratio of successive steps up to which such a curvature is kept.
 const CONTRACTING: f64 = 0.5;
 /// Renewals after which only the curvature is renewed, so that the merit is one and the same from then on.
@@ -155,8 +158,14 @@ impl Minimal {
         let (mut cost, mut gradient) = (f64::INFINITY, Vec::new());
         let (mut promised_before, mut length_before) = (f64::INFINITY, f64::INFINITY);
         let mut reached: Option<Compressed> = None;
+        let mut bends = problem.has_prior() && !self.renewing;
+        let mut rows: Option<usize> = None;
         while report.trace.len() < stop.iterations {
-            let slow = report.trace.len() >= SLOW && problem.has_prior() && !self.renewing;
+            let late = bends && report.trace.len() >= SLOW;
+            if late && rows.is_none() {
+                rows = problem.residual(&report.x).ok().map(|r| r.len());
+            }
+            let slow = late && rows.is_some_and(|rows| 2.0 * cost <= SPOILED.powi(2) * rows as f64);
             if let Some(straight) = model.take_if(|kept| slow && !kept.is_bent()) {
                 settled = Some(straight.split);
             }
@@ -170,6 +179,8 @@ impl Minimal {
                             true => bent(problem, &report.x, &at, renewed, self.threshold),
                             false => renewed,
                         };
+                        // Where there is none to be had, it is not asked for again.
+                        bends &= !slow || renewed.is_bent();
                         cost = at.cost;
                         gradient = linalg::mul_transpose(at.jac.as_ref(), &at.r);
                         renewed

@@ -17,6 +17,9 @@ const SIMPLER: f64 = 4.0;
 /// Step of the logarithm of a factor over which the likelihood bends.
 const BEND: f64 = 0.1;
 
+/// Which of angle and length have a factor, the factor, and twice the negative log likelihood there.
+type Fitted = ([bool; 2], f64, f64);
+
 /// One part of what is common, and the factor that the data support.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PostureNoisePart {
@@ -55,26 +58,32 @@ impl PostureNoiseFinding {
         let size = |value: f64, unit: f64| if unit > 0.0 { value / unit } else { 0.0 };
         let stated_in_units = [size(stated.angle, rows.unit[0]), size(stated.length, rows.unit[1])];
         let as_stated = rows.deviance(stated_in_units)?;
-        let mut best: Option<([bool; 2], f64, f64)> = None;
+        let (mut both, mut one): (Option<Fitted>, Option<Fitted>) = (None, None);
+        let mut tries = 0.0;
         for which in [[true, true], [true, false], [false, true]] {
-            // A part that was not stated has no factor; with one part, one try is enough.
+            // A part that was not stated has no factor.
             let none = (0..2).any(|k| which[k] && stated_in_units[k] == 0.0);
             if none {
                 continue;
             }
+            tries += 1.0;
             let at = |factor: f64| rows.deviance(scaled(stated_in_units, which, factor));
             let (mut factor, mut deviance) = least(&at, &GRID)?;
             let nothing = at(0.0)?;
             if nothing <= deviance {
                 (factor, deviance) = (0.0, nothing);
             }
-            if best.is_none_or(|(_, _, least)| deviance < least - SIMPLER) {
-                best = Some((which, factor, deviance));
+            let of = if which == [true, true] { &mut both } else { &mut one };
+            if of.is_none_or(|(_, _, least)| deviance < least) {
+                *of = Some((which, factor, deviance));
             }
         }
-        let (which, factor, deviance) = best?;
+        let (which, factor, deviance) = match (both, one) {
+            (Some(both), Some(one)) if one.2 < both.2 - SIMPLER => one,
+            (both, one) => both.or(one)?,
+        };
         let probability = ChiSquared::new(1.0).ok()?.sf((as_stated - deviance).max(0.0));
-        if probability > FALSE_ALARM {
+        if tries * probability > FALSE_ALARM {
             return None;
         }
         let at = |by: f64| rows.deviance(scaled(stated_in_units, which, factor * by.exp()));
