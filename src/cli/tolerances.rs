@@ -18,6 +18,9 @@ pub(super) fn sentence(test: &ToleranceTest) -> String {
     let (low, high) = test.interval;
     let size = format!("{} times ({} to {})", three(test.factor), three(low), three(high));
     match test.verdict {
+        ToleranceVerdict::Explained if low > 1.0 => {
+            format!("doubtful: the deviations are {size} what the stated tolerances make them")
+        }
         ToleranceVerdict::Explained => {
             format!("the stated tolerances explain the deviations, which are {size} what they make them")
         }
