@@ -163,6 +163,21 @@ fn targets_that_are_exchanged() {
 }
 
 #[test]
+fn targets_that_few_postures_exchange() {
+    let mut spoiled = three_targets(5e-5, 0.0);
+    samples(&mut spoiled).truncate(3 * 24);
+    for sample in samples(&mut spoiled) {
+        let other = match sample["target"].as_str() {
+            Some("b") => "c",
+            Some("c") => "b",
+            _ => "a",
+        };
+        sample["target"] = json!(other);
+    }
+    says(&spoiled, "targets b and c look exchanged");
+}
+
+#[test]
 fn tolerances_and_noise_that_are_stated_too_small() {
     for name in ["serial-puma560", "hexapod-6ups"] {
         let found = says(&simulated(name, "6", "60", "1"), "tolerances look too small");
@@ -187,4 +202,22 @@ fn what_the_targets_of_a_posture_share() {
     problem["data"]["posture_noise"] = json!({"length": 4e-5});
     let ran = checked(&problem);
     assert!(ran.status == 1 && ran.stdout.contains("correct data.posture_noise"), "{}", ran.stdout);
+}
+
+#[test]
+fn what_targets_share_is_not_accused_of_other_faults() {
+    // Rightly stated, where the noise is not.
+    let mut problem = three_targets(2.5e-4, 2e-4);
+    problem["data"]["posture_noise"] = json!({"length": 2e-4});
+    let ran = says(&problem, "noise understated");
+    assert!(!ran.stdout.contains("posture_noise"), "{}", ran.stdout);
+    // Where one posture stands out: it, and nothing that it spoils.
+    let mut problem = three_targets(5e-5, 2e-4);
+    problem["data"]["posture_noise"] = json!({"length": 2e-4});
+    for sample in &mut samples(&mut problem)[18..21] {
+        let p = &mut sample["pose"]["position"];
+        p[1] = json!(p[1].as_f64().unwrap() + 0.01);
+    }
+    let ran = says(&problem, "stand");
+    assert!(!ran.stdout.contains("posture_noise") && !ran.stdout.contains("toleran"), "{}", ran.stdout);
 }

@@ -13,7 +13,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 const DEGREE: f64 = PI / 180.0;
 /// Turns in place of rad, and of degrees.
 const REVOLUTIONS: [f64; 2] = [TAU, 360.0];
-/// Targets up to which any two may have been exchanged.
+/// Targets up to which exchanges of two are tried; of more, none.
 const TARGETS: usize = 6;
 /// Offsets of homes that come from where an axis counts from, rad.
 const HOMES: [f64; 3] = [FRAC_PI_2, -FRAC_PI_2, PI];
@@ -129,7 +129,8 @@ fn hands(mechanism: &Mechanism) -> Vec<Correction> {
     list
 }
 
-/// Two targets whose places are drawn, their names exchanged; those of free ones say nothing.
+/// Two targets whose places are drawn, their names exchanged; those of free ones say nothing. None where there are more
+/// than [`TARGETS`].
 fn exchanges(mechanism: &Mechanism, data: &[Reading]) -> Vec<Correction> {
     let is_free = |k: usize| mechanism.instrument.get(k).is_some_and(|c| c.prior == Prior::Free);
     let mut targets: Vec<Point> = Vec::new();
@@ -137,9 +138,9 @@ fn exchanges(mechanism: &Mechanism, data: &[Reading]) -> Vec<Correction> {
         if !target.constants.is_some_and(is_free) && !targets.contains(&target) {
             targets.push(target);
         }
-        if targets.len() > TARGETS {
-            break;
-        }
+    }
+    if targets.len() > TARGETS {
+        return Vec::new();
     }
     let pairs = targets.iter().enumerate();
     pairs.flat_map(|(i, a)| targets.iter().skip(i + 1).map(|b| Correction::Exchanged(*a, *b))).collect()
@@ -188,11 +189,13 @@ fn distinct(mechanism: &Mechanism, data: &[Reading], list: Vec<Correction>) -> V
     for correction in list {
         let Some(changed) = applied(mechanism, &some, std::slice::from_ref(&correction)) else { continue };
         let after = numbers(&changed);
-        // Turns are counted posture by posture; a few do not tell whether any lacks some.
-        let drawing = matches!(correction, Correction::Handed(_) | Correction::Unwrapped(_));
-        let place = drawing || correction.numbers() == Numbers::Place;
-        if place || !same(&before, &after) && !kept.iter().any(|(_, other)| same(other, &after)) {
-            kept.push((correction, if place { Vec::new() } else { after }));
+        // Turns are counted posture by posture, and targets differ from reading to reading: a few do not tell.
+        let untold = matches!(
+            correction,
+            Correction::Handed(_) | Correction::Unwrapped(_) | Correction::Exchanged(..)
+        ) || correction.numbers() == Numbers::Place;
+        if untold || !same(&before, &after) && !kept.iter().any(|(_, other)| same(other, &after)) {
+            kept.push((correction, if untold { Vec::new() } else { after }));
         }
     }
     kept.into_iter().map(|(correction, _)| correction).collect()

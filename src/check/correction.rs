@@ -93,6 +93,8 @@ pub(super) enum Once {
     Sliding,
     Turning,
     Sign(usize),
+    AllSigns,
+    Hand(usize, usize),
     Home,
     Order,
     Place,
@@ -141,14 +143,14 @@ impl Correction {
             Correction::Euler(..) => vec![Once::RotationKind, Once::Rotations],
             Correction::Shifted(_) | Correction::Backwards => vec![Once::Order],
             Correction::Reversed(i, _) => vec![Once::Sign(*i)],
+            Correction::AllReversed(_) => vec![Once::AllSigns],
+            Correction::Handed(screws) => screws.iter().map(|(i, j)| Once::Hand(*i, *j)).collect(),
             Correction::PositionOrder(_) => vec![Once::PositionOrder],
             Correction::FromHome => vec![Once::Home],
             Correction::Elsewhere(_) => vec![Once::Place],
             Correction::Swapped(..)
-            | Correction::AllReversed(_)
             | Correction::Coupled { .. }
             | Correction::Unwrapped(_)
-            | Correction::Handed(_)
             | Correction::Exchanged(..)
             | Correction::Offsets(_) => Vec::new(),
         }
@@ -255,7 +257,7 @@ pub fn applied(mechanism: &Mechanism, data: &[Reading], corrections: &[Correctio
     let mut changed = data.to_vec();
     for correction in corrections {
         if let Correction::Unwrapped(which) = correction {
-            changed = unwrapped(&redrawn(mechanism, corrections), &changed, which)?;
+            changed = unwrapped(mechanism, &changed, which)?;
         }
         for reading in &mut changed {
             correction.apply(reading, &joints)?;

@@ -65,7 +65,6 @@ impl Judge {
         let gain = (per_row(none) - per_row(fit)) * fit.rows as f64;
         none.size() >= FACTOR * fit.size()
             || self.stated
-                && fit.size() <= SMALL
                 && gain >= (GAIN + GAIN_PER_NUMBER * story.fitted() as f64) * fit.size().max(1.0).powi(2)
     }
 
@@ -85,7 +84,7 @@ impl Judge {
             // What is freed takes its prior off chi-square whether it was wrong or not.
             let freed = 2.0 * best.fitted().saturating_sub(story.fitted()) as f64;
             per_row * best.fit.rows as f64 <= APART + freed
-                || best.fit.size() > SMALL && story.fit.size() <= APART_BY * best.fit.size()
+                || !self.stated && story.fit.size() <= APART_BY * best.fit.size()
         };
         let equals: Vec<&Story> = good.iter().filter(as_good).copied().collect();
         let Some(plainest) = equals.iter().min_by_key(|s| (s.fitted(), s.plain)) else {
@@ -118,12 +117,14 @@ pub(super) enum Choice {
 impl Choice {
     /// What is told of one mistake and of two: one more has to earn it.
     pub fn told(one: Choice, two: Choice) -> Option<(Story, Vec<Story>)> {
-        let earns = |story: &Story, fit: &Fit| story.fit.size() >= APART_BY * fit.size();
+        let earns = |one: &Fit, two: &Fit| one.size() >= APART_BY * two.size();
         match (one, two) {
             // Which two it is cannot be told, but that the one is not all of it.
-            (Choice::Told(story, _), Choice::Many(fit)) if earns(&story, &fit) => None,
+            (Choice::Told(story, _), Choice::Many(fit)) if earns(&story.fit, &fit) => None,
+            // Two do not earn it against one of many.
+            (Choice::Many(fit), Choice::Told(two, _)) if !earns(&fit, &two.fit) => None,
             (Choice::Told(story, others), Choice::Told(two, more)) => {
-                Some(if earns(&story, &two.fit) { (two, more) } else { (story, others) })
+                Some(if earns(&story.fit, &two.fit) { (two, more) } else { (story, others) })
             }
             (Choice::Told(story, others), _) | (_, Choice::Told(story, others)) => Some((story, others)),
             _ => None,

@@ -18,6 +18,8 @@ use std::collections::BTreeMap;
 const LOOKED_AT: [usize; 2] = [20, 10];
 /// Machines with loops: single mistakes behind which a home is sought.
 const BEHIND: usize = 20;
+/// Hypotheses behind which one is sought that could not be ranked since loops do not close, the plainest ones.
+const HIDDEN: usize = 40;
 /// Offsets from which homes are sought where loops do not close as they are, rad and machine sizes.
 const TURNED: [f64; 4] = [0.4, -0.4, 0.9, -0.9];
 const SHIFTED: [f64; 4] = [0.04, -0.04, 0.1, -0.1];
@@ -84,12 +86,20 @@ impl<'a> Ranking<'a> {
         before.retain(|one| !one.iter().any(is_homely));
         // What could not be ranked, since loops do not close, may be what a wrong home hides.
         let hidden = self.list.iter().filter(|c| !is_homely(c) && !before.iter().any(|one| one.contains(c)));
-        let hidden: Vec<&[Correction]> = hidden.map(std::slice::from_ref).collect();
+        let hidden = hidden.map(std::slice::from_ref).filter(|one| self.moves(&few, one));
+        let hidden: Vec<&[Correction]> = hidden.take(HIDDEN).collect();
         before.truncate(most);
         before.extend(hidden);
         let behind: Vec<Vec<Ranked>> = before.into_par_iter().map(|one| self.with_homes(&few, one)).collect();
         all.extend(behind.into_iter().flatten());
         in_order(all)
+    }
+
+    /// Whether what was measured still spreads, so that a hypothesis that was not ranked lacks loops that close.
+    fn moves(&self, data: &[Reading], corrections: &[Correction]) -> bool {
+        applied(self.mechanism, data, corrections)
+            .and_then(|changed| Observed::new(self.mechanism, &changed, &postures(&changed)))
+            .is_some_and(|observed| observed.moves())
     }
 
     fn corrections(&self, made: &[usize]) -> Vec<Correction> {
@@ -181,13 +191,14 @@ impl<'a> Ranking<'a> {
             corrections.push(Correction::Offsets(which.iter().copied().zip(offsets).collect()));
             Ranked { corrections, misfit, plain }
         };
-        let n = self.units.len();
+        let joints = actuated(self.mechanism);
+        let n = joints.len();
         let mut all: Vec<Ranked> = (0..n)
             .filter_map(|i| {
                 let (offsets, left) = homes.found(&[i], &[0.0]).or_else(|| {
                     // Loops that do not close as they are may close from elsewhere.
                     let unit = self.units[i];
-                    let starts = if unit == 1.0 { TURNED } else { SHIFTED };
+                    let starts = if joints[i].motion.is_angular() { TURNED } else { SHIFTED };
                     let found = starts.into_iter().filter_map(|start| homes.found(&[i], &[start * unit]));
                     found.min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit))
                 })?;

@@ -156,7 +156,10 @@ fn story(mechanism: &Mechanism, data: &[Reading], judge: &Judge) -> Option<(Stor
     let ranking = Ranking::new(mechanism, data);
     let singles = ranking.singles(data);
     let one = judge.chosen(&tried(mechanism, data, &ranking, &singles, judge));
-    let explained = matches!(&one, Choice::Told(story, _) if story.fit.size() <= SMALL);
+    let explained = match &one {
+        Choice::Told(Story { fit, .. }, _) | Choice::Many(fit) => fit.size() <= SMALL,
+        Choice::Nothing => false,
+    };
     // What is nearly explained has no two mistakes in it.
     let nearly = judge.stated
         && judge.none.as_ref().is_some_and(|fit| fit.size() <= UNEXPLAINED && fit.closed >= CLOSED);

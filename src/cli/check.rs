@@ -12,6 +12,7 @@ use crate::calibration::Sample;
 use crate::check::correction::actuated;
 use crate::check::{Reading, repeats};
 use crate::files::noise::assumed_noise;
+use crate::files::values::OneOrEach;
 use crate::files::{DataPlaces, Output, ProblemFile, read_problem};
 use crate::identify::drawn_elsewhere;
 use crate::measure::{Clue, Point};
@@ -92,7 +93,11 @@ fn machine(problem: &ProblemFile, regularity: f64) -> String {
             .enumerate()
             .map(|(j, joint)| {
                 let name = joint.name.clone().unwrap_or_else(|| format!("j{}", j + 1));
-                let driven = if joint.actuated.is_some() { ", actuated" } else { "" };
+                let is_driven = joint.actuated.as_ref().is_some_and(|driven| match driven {
+                    OneOrEach::One(driven) => *driven,
+                    OneOrEach::Each(axes) => axes.contains(&true),
+                });
+                let driven = if is_driven { ", actuated" } else { "" };
                 format!("{name} ({}{driven})", joint.kind)
             })
             .collect();

@@ -5,7 +5,7 @@ use super::judged::{outlier, sets_of};
 use super::tolerances::{is_absurd, restated, sentence};
 use crate::calibration::Sample;
 use crate::files::{ProblemFile, Units};
-use crate::identify::posture_noise::{is_asked, sharing};
+use crate::identify::posture_noise::sharing;
 use crate::identify::verdict::{Cause, Judgement, Size};
 use crate::identify::{
     Identification, Judged, PostureNoiseEstimate, ToleranceVerdict, identify, identify_sharing, judge,
@@ -17,8 +17,6 @@ use std::fmt::Write;
 
 /// Noise, in units of what is stated, above which it is none.
 const MOST: f64 = 20.0;
-/// Factor between what samples of a posture share and what is stated of it above which that is wrong.
-const WRONG: f64 = 1.5;
 /// Postures named.
 const NAMED: usize = 5;
 
@@ -65,6 +63,7 @@ impl Tried {
     fn explains(&self, problem: &ProblemFile) -> bool {
         let known = |cause: &Cause| match cause {
             Cause::Noise(found) => found.parts.iter().all(|part| part.factor <= MOST),
+            Cause::PostureNoise(found) => found.part.factor <= MOST,
             Cause::Outliers(found) => found.without.is_some_and(|test| test.size() != Size::Large),
             _ => false,
         };
@@ -77,9 +76,9 @@ impl Tried {
         ended && !absurd && judgement.causes.iter().all(known) && !(large && judgement.causes.is_empty())
     }
 
-    /// The factor that the tolerances lack.
+    /// The factor that the tolerances lack; `None` where postures that stand out may be what deviations come from.
     fn too_small(&self) -> Option<f64> {
-        let test = self.found.tolerance_test.as_ref()?;
+        let test = self.found.tolerance_test.as_ref().filter(|_| !self.judgement.is_spoiled())?;
         let factor = if test.in_force != 1.0 { test.in_force } else { test.factor };
         (test.verdict == ToleranceVerdict::TooSmall).then_some(factor)
     }
@@ -99,6 +98,13 @@ impl Tried {
         for cause in &self.judgement.causes {
             match cause {
                 Cause::Noise(found) => wrong.push(format!("{}; correct data.noise", found.sentence())),
+                Cause::PostureNoise(found) => {
+                    let size = shown(found.supported, problem.units);
+                    wrong.push(format!(
+                        "{}; the data support {size}: correct data.posture_noise",
+                        found.sentence()
+                    ));
+                }
                 Cause::Outliers(found) if found.without.is_some() => {
                     let shown = self.judgement.outliers.iter().take(NAMED);
                     let names: Vec<String> = shown.map(|named| outlier(named, problem.units)).collect();
@@ -119,45 +125,20 @@ impl Stated {
         }
         let samples = &problem.data.samples;
         let tried = Tried::of(problem, samples)?;
-        let mut stated = Self {
-            wrong: tried.wrong(problem),
-            notes: Vec::new(),
-            explains: tried.explains(problem),
-            said: Cell::new(false),
-        };
+        let mut notes = Vec::new();
         if let Some(common) = tried.common {
             let size = shown(common.noise, problem.units);
-            stated.notes.push(format!(
+            notes.push(format!(
                 "the samples of a posture have errors of {size} in common, which data.posture_noise would state; \
                  identify estimates it"
             ));
         }
-        if !stated.wrong.is_empty() || !stated.explains {
-            stated.of_postures(problem);
-        }
-        Some(stated)
-    }
-
-    /// Where the samples of a posture share other errors than stated, that is what is wrong.
-    fn of_postures(&mut self, problem: &ProblemFile) {
-        let samples = &problem.data.samples;
-        let Some(said) = samples.first().and_then(|s| s.measurement.posture_noise()) else { return };
-        let alone = sharing(samples, PostureNoise::default());
-        if !is_asked(&alone) {
-            return;
-        }
-        let Some(tried) = Tried::of(problem, &alone) else { return };
-        let found = tried.common.map(|common| common.noise).unwrap_or_default();
-        let apart = |found: f64, said: f64| found > WRONG * said || WRONG * found < said;
-        if tried.explains(problem) && (apart(found.length, said.length) || apart(found.angle, said.angle)) {
-            let (found, said) = (shown(found, problem.units), shown(said, problem.units));
-            self.wrong = vec![format!(
-                "the samples of a posture have errors of {found} in common where {said} is stated: correct \
-                 data.posture_noise"
-            )];
-            self.wrong.extend(tried.wrong(problem));
-            self.explains = true;
-        }
+        Some(Self {
+            wrong: tried.wrong(problem),
+            notes,
+            explains: tried.explains(problem),
+            said: Cell::new(false),
+        })
     }
 
     /// Writes once what the data contradict; whether that is anything.
@@ -183,6 +164,6 @@ fn shown(noise: PostureNoise, units: Units) -> String {
         (false, true) => length,
         (true, false) => angle,
         (false, false) => format!("{length} and {angle}"),
-        (true, true) => "nothing".to_owned(),
+        (true, true) => "none".to_owned(),
     }
 }
