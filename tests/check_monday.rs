@@ -206,6 +206,11 @@ fn what_the_targets_of_a_posture_share() {
 
 #[test]
 fn what_targets_share_is_not_accused_of_other_faults() {
+    // Rightly stated, where the noise is not.
+    let mut problem = three_targets(2.5e-4, 2e-4);
+    problem["data"]["posture_noise"] = json!({"length": 2e-4});
+    let ran = says(&problem, "noise understated");
+    assert!(!ran.stdout.contains("posture_noise"), "{}", ran.stdout);
     // Where one posture stands out: it, and nothing that it spoils.
     let mut problem = three_targets(5e-5, 2e-4);
     problem["data"]["posture_noise"] = json!({"length": 2e-4});

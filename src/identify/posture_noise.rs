@@ -24,6 +24,8 @@ const ROUNDS: usize = 8;
 const AGREED: f64 = 0.02;
 /// Values tried, in parts of what one reading tells of a twist, before the best is refined.
 const GRID: [f64; 9] = [0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 8.0, 25.0, 100.0];
+/// Sizes of the readings' own noise that are tried, in parts of a guess, before the best is refined.
+const OWN: [f64; 9] = [0.1, 0.4, 0.7, 0.9, 1.0, 1.1, 1.4, 2.5, 10.0];
 /// Steps of the refinement, each to 0.62 of the interval.
 const REFINED: usize = 9;
 
@@ -288,12 +290,23 @@ impl Rows {
         value.is_finite().then_some(value)
     }
 
+    /// The same where `common` is in units as it is, not in parts of the readings' own noise; `own` is a guess of that.
+    pub fn deviance_of(&self, common: [f64; 2], own: f64) -> Option<f64> {
+        let freedom = self.freedom();
+        let at = |own: f64| {
+            let (left, log_det) = self.explained(common.map(|size| size / own))?;
+            let value = log_det + freedom * ((own * own * freedom).ln() - 1.0) + left / (own * own);
+            value.is_finite().then_some(value)
+        };
+        least(&at, &OWN.map(|part| part * own)).map(|(_, deviance)| deviance)
+    }
+
     fn freedom(&self) -> f64 {
         (self.count - self.directions) as f64
     }
 
     /// Standard deviation of the readings' own noise, in units of what it was taken for.
-    fn own(&self, size: [f64; 2]) -> Option<f64> {
+    pub fn own(&self, size: [f64; 2]) -> Option<f64> {
         Some((self.explained(size)?.0 / self.freedom()).sqrt())
     }
 }

@@ -17,8 +17,9 @@ const SIMPLER: f64 = 4.0;
 /// Step of the logarithm of a factor over which the likelihood bends.
 const BEND: f64 = 0.1;
 
-/// Which of angle and length have a factor, the factor, and twice the negative log likelihood there.
-type Fitted = ([bool; 2], f64, f64);
+/// Which of angle and length have a factor, the factor, twice the negative log likelihood there, and the readings' own noise
+/// in units of what it was taken for.
+type Fitted = ([bool; 2], f64, f64, f64);
 
 /// One part of what is common, and the factor that the data support.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,7 +58,6 @@ impl PostureNoiseFinding {
         let rows = if told { Rows::of(found, samples).ok()?? } else { return None };
         let size = |value: f64, unit: f64| if unit > 0.0 { value / unit } else { 0.0 };
         let stated_in_units = [size(stated.angle, rows.unit[0]), size(stated.length, rows.unit[1])];
-        let as_stated = rows.deviance(stated_in_units)?;
         let (mut both, mut one): (Option<Fitted>, Option<Fitted>) = (None, None);
         let mut tries = 0.0;
         for which in [[true, true], [true, false], [false, true]] {
@@ -67,27 +67,33 @@ impl PostureNoiseFinding {
                 continue;
             }
             tries += 1.0;
-            let at = |factor: f64| rows.deviance(scaled(stated_in_units, which, factor));
-            let (mut factor, mut deviance) = least(&at, &GRID)?;
+            // In parts of the readings' own noise; what has no factor keeps the size that was stated.
+            let own = both.map_or(1.0, |(.., own)| own);
+            let parts = |part: f64| scaled(stated_in_units.map(|size| size / own), which, part * own);
+            let at = |part: f64| rows.deviance(parts(part));
+            let (mut part, mut deviance) = least(&at, &GRID)?;
             let nothing = at(0.0)?;
             if nothing <= deviance {
-                (factor, deviance) = (0.0, nothing);
+                (part, deviance) = (0.0, nothing);
             }
+            let own = rows.own(parts(part))?;
             let of = if which == [true, true] { &mut both } else { &mut one };
-            if of.is_none_or(|(_, _, least)| deviance < least) {
-                *of = Some((which, factor, deviance));
+            if of.is_none_or(|(_, _, least, _)| deviance < least) {
+                *of = Some((which, part * own, deviance, own));
             }
         }
-        let (which, factor, deviance) = match (both, one) {
+        let (which, factor, deviance, own) = match (both, one) {
             (Some(both), Some(one)) if one.2 < both.2 - SIMPLER => one,
             (both, one) => both.or(one)?,
         };
+        let at = |factor: f64| rows.deviance_of(scaled(stated_in_units, which, factor), own);
+        let as_stated = at(1.0)?;
         let probability = ChiSquared::new(1.0).ok()?.sf((as_stated - deviance).max(0.0));
         if tries * probability > FALSE_ALARM {
             return None;
         }
-        let at = |by: f64| rows.deviance(scaled(stated_in_units, which, factor * by.exp()));
-        let bend = (at(BEND)? - 2.0 * deviance + at(-BEND)?) / (BEND * BEND);
+        let bend =
+            (at(factor * BEND.exp())? - 2.0 * at(factor)? + at(factor * (-BEND).exp())?) / (BEND * BEND);
         let supported = scaled([stated.angle, stated.length], which, factor);
         let name = match which {
             [true, true] => "posture_noise",
