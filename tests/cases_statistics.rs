@@ -139,6 +139,27 @@ fn one_gross_pose_on_a_hexapod_is_the_cause() {
     }
 }
 
+/// A screw that moves farther than it reads turns and advances so, and how far is told of both together.
+#[test]
+fn the_scale_of_a_screw_is_that_of_its_turn_and_its_advance() {
+    let folder = tempfile::tempdir().unwrap();
+    let drawn = folder.path().join("s.json");
+    let from = file("problems/serial-scara-screw.json");
+    support::done("simulate {0} --poses 60 --seed 5 -o {1}", &[&from, &drawn]);
+    let mut drawn = problem(drawn.to_str().unwrap());
+    for sample in &mut drawn.data.samples {
+        sample.actuators[2] /= 1.0 + 1e-3;
+    }
+    let (_, found) = judged(&drawn, &drawn.data.samples, &sets(&drawn), &drawn.holdout.samples);
+    let scale = found.causes.iter().find_map(|cause| match cause {
+        Cause::Model(model) if model.or.is_empty() => {
+            model.scale.filter(|_| model.joint.as_deref() == Some("arm.quill"))
+        }
+        _ => None,
+    });
+    assert!(scale.is_some_and(|scale| (scale - 1.001).abs() < 2e-5), "{:?}", found.causes);
+}
+
 /// Measurements of other people, which are found through `GOUGH_SHARED`.
 #[test]
 fn a_probability_of_two_thousandths_is_doubtful() {

@@ -20,6 +20,16 @@ const APART: f64 = 0.02;
 /// Passive joints that bring each limb near a pose.
 type Inverse = fn(&Mechanism, &Geometry, &[f64], &[f64], &Se3) -> Vec<f64>;
 
+/// Whether two postures of a machine of size `length` (m) differ; a revolute joint is where it was after a whole turn.
+pub fn are_apart(mechanism: &Mechanism, length: f64, a: &[Turn], b: &[Turn]) -> bool {
+    let joints = mechanism.limbs.iter().flat_map(|limb| &limb.joints);
+    joints.zip(a.iter().zip(b)).any(|(joint, (a, b))| {
+        let way = a.q - b.q;
+        let way = if joint.motion == Motion::Revolute { way - TAU * (way / TAU).round() } else { way };
+        joint.motion.size_of(way, length) > APART
+    })
+}
+
 impl Closer<'_> {
     /// The posture of a sample, other than that in which it is closed, that explains its reading far better or, where it
     /// is not closed, with a mean square up to `limit`. Postures from which to look are those that do not exceed that.
@@ -162,15 +172,9 @@ impl Closer<'_> {
         turned
     }
 
-    /// Whether two postures differ; a revolute joint is where it was after a whole turn.
+    /// Whether two postures differ.
     pub fn are_apart(&self, a: &[Turn], b: &[Turn]) -> bool {
-        let joints = self.mechanism.limbs.iter().flat_map(|limb| &limb.joints);
-        let length = self.home.first.length();
-        joints.zip(a.iter().zip(b)).any(|(joint, (a, b))| {
-            let way = a.q - b.q;
-            let way = if joint.motion == Motion::Revolute { way - TAU * (way / TAU).round() } else { way };
-            joint.motion.size_of(way, length) > APART
-        })
+        are_apart(self.mechanism, self.home.first.length(), a, b)
     }
 
     fn passive_count(&self) -> usize {

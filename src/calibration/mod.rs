@@ -19,6 +19,7 @@ mod structural;
 mod transforms;
 
 pub use coordinates::{Coordinates, LimbCoordinates};
+pub use elsewhere::are_apart;
 pub use evaluate::PostureRows;
 pub use postures::ByPosture;
 pub use problem::Calibration;

@@ -79,7 +79,7 @@ pub fn unfit(why: &Unfit, units: Units) -> String {
 pub fn share_reached(reached: &Reached) -> String {
     let Reached { machines, mean, least } = reached;
     if *machines == 0 {
-        return "no machine drawn from the tolerances closes at home: which postures real machines reach is not known"
+        return "fewer than two machines drawn from the tolerances close at home: which postures real machines reach is not known"
             .into();
     }
     format!(

@@ -207,8 +207,8 @@ impl<'a> Influence<'a> {
     }
 
     /// Loss of the merit (7.3) where posture `index` has the rows that it has in `other`, by the linear model, and the estimate
-    /// there: with `U` both blocks of rows, `r` their residuals and `D` -1 for those taken out and 1 for those put in,
-    /// `r' (D + U H^-1 U')^-1 r / 2` and `-H^-1 U' (D + U H^-1 U')^-1 r`.
+    /// there: with `U` both blocks of rows, `r` their residuals at the estimate of all limbs together and `D` -1 for those
+    /// taken out and 1 for those put in, `r' (D + U H^-1 U')^-1 r / 2` and `-H^-1 U' (D + U H^-1 U')^-1 r` from there.
     pub(super) fn replaced(&self, index: usize, other: &Calibration<'_>) -> Option<(f64, Vec<f64>)> {
         let out = self.problem.only(index..index + 1).linearize(&self.x).ok()?;
         let into = other.only(index..index + 1).linearize(&self.x).ok()?;
@@ -218,13 +218,14 @@ impl<'a> Influence<'a> {
         stacked.as_mut().subrows_mut(0, k).copy_from(&out.jac);
         stacked.as_mut().subrows_mut(k, rows - k).copy_from(&into.jac);
         let r = Mat::from_fn(rows, 1, |i, _| if i < k { out.r[i] } else { into.r[i - k] });
+        let r = r + &stacked * &self.offset;
         let gain = &self.inverse * stacked.transpose();
         let mut middle = &stacked * &gain;
         (0..rows).for_each(|i| middle[(i, i)] += if i < k { -1.0 } else { 1.0 });
         let e = middle.partial_piv_lu().solve(&r);
-        let step = &gain * &e;
+        let step = &self.offset - &gain * &e;
         let loss = 0.5 * r.col(0).iter().zip(e.col(0).iter()).map(|(r, e)| r * e).sum::<f64>();
-        let x: Vec<f64> = self.x.iter().zip(step.col(0).iter()).map(|(x, dx)| x - dx).collect();
+        let x: Vec<f64> = self.x.iter().zip(step.col(0).iter()).map(|(x, dx)| x + dx).collect();
         (loss.is_finite() && x.iter().all(|v| v.is_finite())).then_some((loss, x))
     }
 }

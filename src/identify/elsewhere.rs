@@ -5,7 +5,7 @@
 
 use super::run::placed;
 use crate::calibration::sample::explained;
-use crate::calibration::{Calibration, Postures, Sample};
+use crate::calibration::{Calibration, Postures, Sample, are_apart};
 use crate::lie::Se3;
 use crate::model::inverse::{close_along, close_by_path};
 use crate::model::mechanism::pose_difference;
@@ -13,7 +13,8 @@ use crate::model::{Geometry, Mechanism, Posture};
 use crate::problem::Form;
 use rayon::prelude::*;
 
-/// Distance of two poses (rad and machine sizes) that are one, to what closing the loops leaves.
+/// Distance of two poses (rad and machine sizes) that are one, to what closing the loops leaves. Near singularities it leaves
+/// more: what tells postures apart are the joints.
 const SAME: f64 = 1e-7;
 /// Distance from the measured pose, in what the tolerances explain of an ordinary posture, of one that may be the measured
 /// one: those of other modes are often nearer to singularities.
@@ -21,7 +22,7 @@ const NEARLY: f64 = 3.0;
 /// The same of one that is another than the measured one.
 const ANOTHER: f64 = 10.0;
 
-/// A posture that was measured elsewhere than the path from home leads.
+/// A posture, or the one that it is compared with, that was measured elsewhere than the path from home leads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasuredElsewhere {
     /// The sample.
@@ -41,11 +42,18 @@ pub fn measured_elsewhere(
     }
     let one = |(here, path): &mut (Postures, Posture), sample: &Sample| {
         sample.close_all(mechanism, geometry, here).ok()?;
-        let reached = close_by_path(mechanism, geometry, &sample.actuators, path).is_ok();
-        let (w, v) = pose_difference(&here.first.tool(), &path.tool());
-        let apart = reached.then(|| (w.norm(), v.norm()));
-        let same = apart.is_some_and(|(w, v)| w.hypot(v / path.length()) <= SAME);
-        (!same).then(|| MeasuredElsewhere { name: sample.name.clone(), apart })
+        let second = sample.measurement.second().map(|actuators| (&here.second, actuators));
+        let mut visited = std::iter::once((&here.first, sample.actuators.as_slice())).chain(second);
+        visited.find_map(|(here, actuators)| {
+            let reached = close_by_path(mechanism, geometry, actuators, path).is_ok();
+            let (w, v) = pose_difference(&here.tool(), &path.tool());
+            let apart = reached.then(|| (w.norm(), v.norm()));
+            let same = apart.is_some_and(|(w, v)| {
+                w.hypot(v / path.length()) <= SAME
+                    || !are_apart(mechanism, path.length(), here.turns(), path.turns())
+            });
+            (!same).then(|| MeasuredElsewhere { name: sample.name.clone(), apart })
+        })
     };
     let room = || (Postures::new(mechanism), Posture::new(mechanism));
     samples.par_iter().map_init(room, one).collect::<Vec<_>>().into_iter().flatten().collect()

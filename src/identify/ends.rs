@@ -4,6 +4,7 @@
 //! towards the tool as drawn settles these; it is far too weak to move what is told.
 
 use super::registration::Stand;
+use super::rounds::EXACT;
 use super::untold::Part;
 use crate::calibration::Sample;
 use crate::lie::{Se3, so3};
@@ -95,7 +96,9 @@ impl<'a> Refinement<'a> {
             }
         }
         self.scatter = self.scatter_at(&best.1);
-        let least = self.cost(&best.1, false);
+        let mut rows = 0.0;
+        self.look(&best.1, |_, evaluation, _| rows += evaluation.rows.len() as f64);
+        let least = self.cost(&best.1, false).max(rows * EXACT.powi(2));
         loop {
             let mut pulled = self.settled(&best.1, true);
             for start in starts {
@@ -109,7 +112,7 @@ impl<'a> Refinement<'a> {
             if !spoiled || self.tool_unit >= FURTHEST {
                 return pulled.1;
             }
-            self.tool_unit *= FURTHER;
+            self.tool_unit = (self.tool_unit * FURTHER).min(FURTHEST);
         }
     }
 

@@ -11,6 +11,7 @@ pub mod elsewhere;
 mod ends;
 pub mod evidence;
 pub mod hand_eye;
+mod link_weight;
 pub mod noise;
 pub mod outliers;
 pub mod placement;

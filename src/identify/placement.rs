@@ -5,11 +5,12 @@
 //! off counting less: one wrong joint does not move the others. Links without tolerances are weighed by their standard
 //! errors. Likewise `g_if = N_i exp(r_i) Y` (docs/theory.md (10.16)).
 
+use super::link_weight::{by_errors, variances, without_idle};
 use super::registration::FreeEnds;
 use super::run::Identification;
 use crate::lie::se3::{self, Twist};
 use crate::lie::{Se3, so3};
-use crate::model::{Limb, Link, Mechanism, Motion, Prior, Tolerance};
+use crate::model::{Limb, Link, Mechanism, Motion, Tolerance};
 use faer::Mat;
 use nalgebra::Matrix6;
 
@@ -25,8 +26,6 @@ const UNKNOWN: f64 = 1e-2;
 const TURNED: f64 = 1e-14;
 /// Standard error of what is no error at all, rad or machine sizes.
 const ARBITRARY: f64 = 1e3;
-/// Tolerance of what is held, rad and machine sizes: rounding.
-const HELD: f64 = 1e-9;
 /// Tolerance of what is free beside something that is stated, rad and machine sizes.
 const LOOSE: f64 = 1.0;
 
@@ -162,35 +161,18 @@ impl One {
     }
 
     /// Inverse of the covariance of the deviation: of what the link's tolerance makes it or, where that is free, of its
-    /// errors.
+    /// errors. A turn that a passive joint makes up for counts for nothing.
     fn weight(&self, errors: &[Twist], length: f64) -> Matrix6<f64> {
-        let mut covariance = match variances(self.tolerance, LOOSE, length) {
-            Some(own) => Matrix6::from_diagonal(&own),
+        let weight = match variances(self.tolerance, LOOSE, length) {
+            Some(own) => Matrix6::from_diagonal(&own.map(f64::recip)),
             None => {
                 let least = if self.root.is_some() { FLOOR } else { UNKNOWN };
                 let floor = Twist::from_fn(|i, _| f64::powi(if i < 3 { least } else { least * length }, 2));
-                let errors = errors.iter().map(|error| error * error.transpose());
-                Matrix6::from_diagonal(&floor) + errors.sum::<Matrix6<f64>>()
+                by_errors(&floor, errors)
             }
         };
-        if let Some(idle) = self.idle {
-            covariance += idle * idle.transpose() * ARBITRARY.powi(2);
-        }
-        covariance.try_inverse().unwrap_or_else(Matrix6::identity)
+        self.idle.map_or(weight, |idle| without_idle(&weight, &idle))
     }
-}
-
-/// Variances of a motion with this tolerance, rad^2 and m^2, of what is free of it `loose` (rad and machine sizes); `None`
-/// where all of it is free.
-fn variances(tolerance: Tolerance, loose: f64, length: f64) -> Option<Twist> {
-    let size = |prior: Prior, unit: f64| match prior {
-        Prior::Sigma(sigma) => sigma.max(HELD * unit),
-        Prior::Held => HELD * unit,
-        Prior::Free => loose * unit,
-    };
-    let (angle, length) = (size(tolerance.angle, 1.0), size(tolerance.length, length));
-    let free = tolerance.angle == Prior::Free && tolerance.length == Prior::Free;
-    (!free).then(|| Twist::from_fn(|i, _| f64::powi(if i < 3 { angle } else { length }, 2)))
 }
 
 /// The motion on its way.

@@ -34,7 +34,7 @@ pub(super) struct Run<'a> {
     pub samples: &'a [Sample],
     pub identifier: &'a dyn Identifier,
     pub stop: &'a Stop,
-    /// Over all rounds.
+    /// Over all rounds, from where the way last began.
     pub trace: Vec<Iterate>,
     /// Link deviations reached, rad and m.
     pub at: Vec<f64>,
@@ -48,11 +48,13 @@ impl Run<'_> {
     pub fn rounds(&mut self) -> Report {
         let mut x = self.problem.coordinates().nearest(&self.at);
         let (mut round, mut settled, mut led_past) = (0, false, false);
+        let mut spent = 0;
         let mut report = loop {
             let part = !settled && round + 1 < ROUNDS && self.problem.sample_count() < self.samples.len();
-            let left = self.stop.iterations.saturating_sub(self.trace.len());
+            let left = self.stop.iterations.saturating_sub(spent);
             let report = self.report(&x, if part { left.div_ceil(SHARE) } else { left });
             self.trace.extend_from_slice(&report.trace);
+            spent += report.trace.len();
             round += 1;
             if !report.cost.is_finite() || !report.x.iter().all(|v| v.is_finite()) {
                 break report;
@@ -72,7 +74,7 @@ impl Run<'_> {
             }
             let least = if blocked { NEAR_SINGULAR } else { 0.0 };
             let changed = self.problem.take_back(self.samples, &self.at, least);
-            let exhausted = self.trace.len() >= self.stop.iterations;
+            let exhausted = spent >= self.stop.iterations;
             // Where the same samples take part as before, the round goes on with all iterations that are left.
             let cut = part && report.outcome == Outcome::OutOfIterations;
             settled = !changed;
@@ -102,7 +104,7 @@ impl Run<'_> {
         }
         let error = |at: &[f64]| {
             let fit = score(self.start, &self.start.deviated(at), &samples)?;
-            (2 * fit.samples > samples.len()).then_some(fit.weighted_rms)
+            (2 * fit.samples > samples.len() && fit.weighted_rms.is_finite()).then_some(fit.weighted_rms)
         };
         let Some(there) = error(&at) else { return false };
         if error(&self.at).is_some_and(|here| here <= there) {

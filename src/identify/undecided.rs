@@ -9,7 +9,7 @@ use crate::calibration::postures::{by_posture, posture_name};
 use crate::calibration::{Calibration, OtherPosture, Sample};
 use crate::problem::{Form, Problem};
 use crate::solve::minimal::Minimal;
-use crate::solve::{Identifier, Stop};
+use crate::solve::{Estimate, Identifier, Stop};
 use rayon::prelude::*;
 
 /// Root mean square of the whitened residual by which another posture misses the reading before the machine adapts
@@ -48,7 +48,7 @@ pub fn undecided(found: &Identification, samples: &[Sample]) -> Vec<UndecidedPos
     let Ok(influence) = Influence::new(found, &taking) else { return Vec::new() };
     let at = found.geometry.deviations_from(&found.supported.nominal());
     let problem = Calibration::new(&found.supported, &taking, Form::Minimal, &at);
-    let Some(here) = merit(&problem, &problem.coordinates().nearest(&at)) else { return Vec::new() };
+    let Some(here) = least(&problem, found.report.estimate, &at) else { return Vec::new() };
     let postures = by_posture(&taking);
     let doubted = |index: &usize| influence.leverage(*index).is_none_or(|leverage| leverage > TOLD);
     let wanted: Vec<usize> = (0..postures.len()).into_par_iter().filter(doubted).collect();
@@ -91,6 +91,19 @@ fn adapted(
     let at = elsewhere.coordinates().deviations(&report.x);
     let stays = at.iter().all(|v| v.is_finite()) && elsewhere.is_apart(index, &at, problem);
     if stays { merit(&elsewhere, &report.x) } else { None }
+}
+
+/// Merit of the machine as identified; where each limb was by itself, of the one that they give together: other postures are
+/// judged by that.
+fn least(problem: &Calibration<'_>, estimate: Estimate, at: &[f64]) -> Option<f64> {
+    let x = problem.coordinates().nearest(at);
+    match estimate {
+        Estimate::Decoupled { .. } => {
+            let report = Minimal::default().identify(problem, &x, &Stop::default());
+            if report.outcome.converged() { merit(problem, &report.x) } else { None }
+        }
+        _ => merit(problem, &x),
+    }
 }
 
 /// `|r|^2 / 2 + |x|^2 / 2`.

@@ -5,7 +5,7 @@ use super::pattern::Pattern;
 use crate::calibration::postures::telling;
 use crate::calibration::{Calibration, PostureRows, Postures, Sample};
 use crate::identify::run::Identification;
-use crate::model::{Mechanism, Prior, Tolerance};
+use crate::model::{Mechanism, Motion, Prior, Tolerance};
 use crate::problem::{Form, Problem};
 use faer::Mat;
 use std::f64::consts::PI;
@@ -99,12 +99,16 @@ pub(super) fn joint_patterns(
             }
             let angular = joint.motion.is_angular();
             let shapes = Shapes { middle, half, wide: angular && half > 0.5 * PI };
-            let (column, along) = (coordinates.offset + 6 * j, if angular { 2 } else { 5 });
+            let column = coordinates.offset + 6 * j;
             let mut whole = Mat::zeros(linear.r.len(), 18);
             let mut by_motion = Mat::zeros(linear.r.len(), 4);
             let step = DIFFERENCE * if angular { 1.0 } else { open.characteristic_length() };
             for (k, span) in linear.spans.iter().enumerate() {
-                let both = |i: usize| jac[(i, column + along)];
+                let both = |i: usize| match joint.motion {
+                    Motion::Prismatic => jac[(i, column + 5)],
+                    Motion::Revolute => jac[(i, column + 2)],
+                    Motion::Helical { advance } => jac[(i, column + 2)] + advance * jac[(i, column + 5)],
+                };
                 let here = shapes.own(reading(k));
                 if let Some(other) = other(k) {
                     // The machine errs in either posture by what that posture's reading makes it.

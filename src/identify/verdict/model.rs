@@ -73,12 +73,13 @@ pub(super) fn joint(
     residual: &Residual,
     patterns: &[JointPattern],
 ) -> Option<(ModelFinding, usize, Fit)> {
-    let level = FALSE_ALARM / (3 * patterns.len().max(1)) as f64;
+    let tried = (3 * patterns.len().max(1)) as f64;
+    let level = FALSE_ALARM / tried;
     let likeliest = |pattern: &JointPattern| {
         let alone = pattern.scale().fit(linear, residual);
         let scaled = alone.as_ref().map(|alone| (alone.gain, 1.0 - alone.amounts[0] * pattern.unit));
-        let tried = [alone, pattern.own.fit(linear, residual), pattern.whole.fit(linear, residual)];
-        let beyond_chance = tried.into_iter().flatten().filter(|fit| fit.probability < level);
+        let fits = [alone, pattern.own.fit(linear, residual), pattern.whole.fit(linear, residual)];
+        let beyond_chance = fits.into_iter().flatten().filter(|fit| fit.probability < level);
         let fit = beyond_chance.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let scale = scaled.filter(|(gain, _)| *gain > SCALE * fit.gain).map(|(_, scale)| scale);
         Some((fit, scale))
@@ -96,7 +97,7 @@ pub(super) fn joint(
         .collect();
     let (k, fit, scale) = found.swap_remove(0);
     let scale = scale.filter(|_| equal.is_empty());
-    let gain = fit.gain - (patterns.len() as f64).ln();
+    let gain = fit.gain - tried.ln();
     let joint = Some(patterns[k].name.clone());
     Some((ModelFinding { joint, or: equal, scale, correlation: None, gain }, k, fit))
 }

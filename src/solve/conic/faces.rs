@@ -99,6 +99,9 @@ fn cut(model: &Model, set: &ActiveSet, before: &[f64], u: &mut [f64]) -> Option<
         }
         let sum = |of: &dyn Fn(usize) -> f64| group.members.iter().map(|&i| of(i)).sum::<f64>();
         let a = sum(&|i| (u[i] - before[i]).powi(2));
+        if a == 0.0 {
+            return None;
+        }
         let b = sum(&|i| (u[i] - before[i]) * before[i]);
         let c = model.limits.cone.powi(2) - sum(&|i| before[i] * before[i]);
         // |before + t (u - before)| is the limit.
