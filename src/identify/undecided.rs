@@ -22,6 +22,8 @@ const TOLD: f64 = 0.5;
 const UNLIKELY: f64 = 6.907_755_278_982_137;
 /// Loss by the linear model beyond which the machine is not identified again to see.
 const HOPELESS: f64 = 100.0;
+/// Residual and deviations, standard deviations a reading in the root mean square, beyond which no odds are told.
+const SPOILED: f64 = 2.0;
 /// Most iterations with another posture.
 const ITERATIONS: usize = 30;
 
@@ -49,6 +51,10 @@ pub fn undecided(found: &Identification, samples: &[Sample]) -> Vec<UndecidedPos
     let at = found.geometry.deviations_from(&found.supported.nominal());
     let problem = Calibration::new(&found.supported, &taking, Form::Minimal, &at);
     let Some(here) = least(&problem, found.report.estimate, &at) else { return Vec::new() };
+    // Odds are those of the stated noise: where the residual contradicts it, they prove nothing.
+    if 2.0 * here > SPOILED.powi(2) * problem.rows() as f64 {
+        return Vec::new();
+    }
     let postures = by_posture(&taking);
     let doubted = |index: &usize| influence.leverage(*index).is_none_or(|leverage| leverage > TOLD);
     let wanted: Vec<usize> = (0..postures.len()).into_par_iter().filter(doubted).collect();
