@@ -103,7 +103,7 @@ impl Summary<'_> {
             }),
             warnings: self.warnings(),
             measured_elsewhere: (!self.elsewhere.is_empty())
-                .then(|| ElsewhereEntry { samples: self.elsewhere.len(), of: found.taking.len() }),
+                .then_some(ElsewhereEntry { samples: self.elsewhere.len(), of: found.taking.len() }),
             set_aside: entries(&found.set_aside, units),
             holdout_set_aside: entries(&self.holdout_set_aside, units),
             unused: self
