@@ -1,6 +1,5 @@
 //! Measured postures are closed as they were measured: drawings of every joint type, motors that turn far, exact data.
 
-#[allow(dead_code)]
 mod random_machine;
 mod support;
 
