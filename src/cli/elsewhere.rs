@@ -72,7 +72,7 @@ pub(super) fn undecided_words(of: &UndecidedPosture) -> String {
     )
 }
 
-/// The same of a result whose machine is about to predict.
+/// Says on standard error how many samples of a result, whose machine is about to predict, it was stated to miss.
 pub(super) fn warn_of_modes(file: &str, elsewhere: Option<ElsewhereEntry>) {
     if let Some(ElsewhereEntry { samples, of }) = elsewhere {
         eprintln!(

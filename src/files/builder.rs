@@ -48,32 +48,14 @@ pub struct MechanismBuilder {
 impl Mechanism {
     /// Begins a machine in code.
     pub fn builder() -> MechanismBuilder {
-        let drawing = MechanismDrawing {
-            tool: None,
-            tolerance: None,
-            tool_tolerance: None,
-            bounds: None,
-            tool_bounds: None,
-            placement: None,
-            tool_mounting: None,
-            limbs: Vec::new(),
-        };
-        MechanismBuilder { drawing, refused: None }
+        MechanismBuilder { drawing: MechanismDrawing::default(), refused: None }
     }
 }
 
 impl MechanismBuilder {
     /// Begins a limb, from base to platform.
     pub fn limb(mut self, name: &str) -> Self {
-        self.drawing.limbs.push(LimbDrawing {
-            name: Some(name.to_owned()),
-            tool: None,
-            tolerance: None,
-            tool_tolerance: None,
-            bounds: None,
-            tool_bounds: None,
-            joints: Vec::new(),
-        });
+        self.drawing.limbs.push(LimbDrawing { name: Some(name.to_owned()), ..LimbDrawing::default() });
         self
     }
 

@@ -6,7 +6,7 @@ use super::values::{OneOrEach, RangeDrawing};
 use serde::{Deserialize, Serialize};
 
 /// A mechanism.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MechanismDrawing {
     /// Pose of {T} in {S} with all joints at home.
@@ -35,7 +35,7 @@ pub struct MechanismDrawing {
 }
 
 /// A limb.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LimbDrawing {
     /// `limb1`, `limb2`... where it is left out.

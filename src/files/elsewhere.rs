@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How many there are, and how far predictions miss them.
+/// How many there are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ElsewhereEntry {

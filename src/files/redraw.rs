@@ -37,13 +37,10 @@ pub fn redraw(mechanism: &Mechanism, geometry: &Geometry, units: Units) -> Mecha
     }
     MechanismDrawing {
         tool: limbs.first().and_then(|limb| limb.tool.clone()),
-        tolerance: None,
-        tool_tolerance: None,
-        bounds: None,
-        tool_bounds: None,
         placement: mechanism.ends.placement.map(|t| ToleranceDrawing::of(&t, units)),
         tool_mounting: mechanism.ends.tool_mounting.map(|t| ToleranceDrawing::of(&t, units)),
         limbs,
+        ..MechanismDrawing::default()
     }
 }
 

@@ -130,21 +130,12 @@ impl Chain {
     pub fn draw(&self, limb: &str, units: Units) -> MechanismDrawing {
         MechanismDrawing {
             tool: Some(PoseDrawing::of(&self.tool, units)),
-            tolerance: None,
-            tool_tolerance: None,
-            bounds: None,
-            tool_bounds: None,
-            placement: None,
-            tool_mounting: None,
             limbs: vec![LimbDrawing {
                 name: Some(limb.to_owned()),
-                tool: None,
-                tolerance: None,
-                tool_tolerance: None,
-                bounds: None,
-                tool_bounds: None,
                 joints: self.axes.iter().map(|axis| axis.draw(units)).collect(),
+                ..LimbDrawing::default()
             }],
+            ..MechanismDrawing::default()
         }
     }
 }

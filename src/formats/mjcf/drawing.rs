@@ -97,13 +97,8 @@ pub fn read(file: &str, text: &str, request: &Request<'_>) -> Result<Imported, F
         units: Units::SI,
         mechanism: MechanismDrawing {
             tool: paths.first().map(|path| PoseDrawing::of(&(path.platform * tool), Units::SI)),
-            tolerance: None,
-            tool_tolerance: None,
-            bounds: None,
-            tool_bounds: None,
-            placement: None,
-            tool_mounting: None,
             limbs: limbs.collect(),
+            ..MechanismDrawing::default()
         },
         notes,
     })
@@ -123,11 +118,8 @@ fn draw(name: String, path: &LimbPath<'_>, tool: &Se3, driven: &[&str]) -> LimbD
     LimbDrawing {
         name: Some(name),
         tool: Some(PoseDrawing::of(&(path.platform * *tool), Units::SI)),
-        tolerance: None,
-        tool_tolerance: None,
-        bounds: None,
-        tool_bounds: None,
         joints: path.joints.iter().map(|joint| draw_joint(joint, driven)).collect(),
+        ..LimbDrawing::default()
     }
 }
 
